@@ -7,12 +7,14 @@ from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar, Literal, Self
 
 from prf.arak import checked_scale
-from prf.logs import CONE
+from prf.logs import CONE, Match, Poses, read_poses
+from prf.logs.posed import GAP
 from prf.sensors.laser import LaserModel
 from prf.sensors.points import PointModel
 from prf.sensors.sonar import SonarModel
 from prf.shell.errors import ConfigError
 from prf.shell.settings import NOTHING, Loaded, Table, Tree, build, key, load_options
+from prf.shell.trajectory import Order
 from prf.thinning import BEAM_DENSITY
 from prf.window import LARGEST_RANGE, Window
 
@@ -125,7 +127,17 @@ class Readings(Table):
 
     topic: str | None = key(None, "", "laser: topic of a bag, device of a Player log, kind of CARMEN lines")
     sonar_topic: str | None = key(None, "", "the same of the sonar's log, in a bag several with commas")
-    frame: str | None = key(None, "", "frame or odometry topic that poses are taken in")
+    frame: str | None = key(
+        None, "", "frame, or topic of poses, that poses are taken in; with poses of a file what these are of"
+    )
+    poses: str | None = key(None, "", "file of poses, for scans that have none or worse ones")
+    pose_mount: tuple[float, float, float] | None = key(
+        None, "m, m, rad", "x, y, theta of the laser (of a sonar ring: of the robot) on what the poses are of"
+    )
+    pose_gap: float = key(GAP, "s", "longest time between two poses of the file that is interpolated over", ge=0.0)
+    pose_offset: float = key(0.0, "s", "added to the times of the file of poses")
+    pose_match: Match | None = key(None, "", "time or order: how poses of the file belong to scans; by time if it can")
+    pose_quaternion: Order | None = key(None, "", "xyzw or wxyz: order of quaternions in the file of poses")
     every_scan: int = key(1, "", "scans 0, K, 2K ...", ge=1)
     every_beam: int = key(1, "", "beams 0, K, 2K ...", ge=1)
     scans: str | None = key(None, "", "START:STOP:STEP, only these scans")
@@ -133,7 +145,14 @@ class Readings(Table):
 
     def selection(self) -> dict[str, Any]:
         """Return which scans and beams to take, as arguments of :func:`prf.logs.thin`."""
-        return self.model_dump(exclude={"topic", "sonar_topic", "frame"})
+        return self.model_dump(include={"every_scan", "every_beam", "scans", "skip_scans"})
+
+    def trajectory(self) -> Poses | None:
+        """Return the poses of the file with how they belong to scans; None if there is none."""
+        if self.poses is None:
+            return None
+        how = {name: getattr(self, f"pose_{name}") for name in ("mount", "gap", "offset", "match")}
+        return read_poses(self.poses, self.pose_quaternion, **how)
 
 
 class Driven(Table):

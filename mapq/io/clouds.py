@@ -28,6 +28,7 @@ from mapq.io.uos import read_uos
 from prf.shell.bag import bag_suffix
 from prf.shell.errors import InputError
 from prf.shell.files import STREAM
+from prf.shell.pose_rows import slam_state
 
 Format = Literal["ply", "pcd", "las", "e57", "ptx", "npy", "npz", "3d", "kitti", "bag", "text"]
 
@@ -147,6 +148,8 @@ def _unreadable(head: bytes, suffix: str) -> str | None:
     for magic, name in REFUSED:
         if head.startswith(magic):
             return f"this is {name}"
+    if (state := slam_state(head)) is not None:
+        return state
     if suffix in HEADERS:
         return f"no {HEADERS[suffix]} header: the file is damaged, or its name is wrong"
     return "this is binary data of an unknown kind" if b"\0" in head[:4096] else None

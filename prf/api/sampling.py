@@ -27,6 +27,7 @@ from prf.convergence import verdict
 from prf.run import Run
 from prf.run.write import is_unfinished
 from prf.sampler.driver import StopRule, drive
+from prf.sampler.prepare import with_poses
 from prf.sampler.session import Session, needs_compiling
 from prf.shell.errors import ArgumentError
 from prf.shell.notebook import ProgressCallback, reported
@@ -152,7 +153,9 @@ def sample(
         if needs_compiling():
             logger.info("compiling kernels (once; about half a minute) ...")
         places = sources_in(science, requested)
-        session = Session.start(paths_of(sources), prepared, folder, used_seed, _threads(threads), places)
+        session = Session.start(
+            with_poses(paths_of(sources), science), prepared, folder, used_seed, _threads(threads), places
+        )
         return _run(session, rule, progress, watch, on_interrupt)
 
 

@@ -11,7 +11,7 @@ from typing import Any, Literal
 import numpy as np
 
 from prf.configuration import IN_MANIFEST, Configuration, flat_name, load_configuration
-from prf.logs import CONE, Kind, PointTable, Readings, read_point_data
+from prf.logs import CONE, Kind, PointTable, Readings, read_point_data, read_poses
 from prf.logs import read_readings as read_log
 from prf.sampler.prepare import Prepared, prepare_whole, read_configured
 from prf.sensors.laser import LaserModel
@@ -51,7 +51,13 @@ class Prior:
 
 
 def read_readings(
-    path: Path, kind: Kind = "laser", *, topic: str | None = None, frame: str | None = None, cone: float = CONE
+    path: Path,
+    kind: Kind = "laser",
+    *,
+    topic: str | None = None,
+    frame: str | None = None,
+    cone: float = CONE,
+    poses: Path | None = None,
 ) -> Readings:
     """Read the readings of a laser or of sonars from a log; the format is recognised from the content.
 
@@ -64,15 +70,18 @@ def read_readings(
         Whose readings of a bag or a log with several, and in what frame.
     cone : float
         Full opening angle of sonars whose log has none, radians.
+    poses : path, optional
+        A trajectory for scans that have no poses, or worse ones: TUM, KITTI, g2o, or CSV (docs/readings.md).
 
     Raises
     ------
     InputError
-        If the file is missing, damaged, of another format, or has no readings of this kind.
+        If a file is missing, damaged, of another format, or has no readings of this kind.
     ConfigError
         If `topic` or `frame` is needed and missing, or is not in the log.
     """
-    return read_log(os.fspath(path), kind, topic=topic, frame=frame, cone=cone)
+    trajectory = None if poses is None else read_poses(os.fspath(poses))
+    return read_log(os.fspath(path), kind, topic=topic, frame=frame, cone=cone, poses=trajectory)
 
 
 def loaded_of(config: Path | Configuration | Loaded[Configuration] | None) -> Loaded[Configuration]:

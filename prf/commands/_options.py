@@ -30,7 +30,15 @@ PointData = Annotated[
 ]
 Frame = Annotated[
     str | None,
-    typer.Option("--frame", metavar="NAME", help="Frame or odometry topic that poses are taken in.  [map]"),
+    typer.Option(
+        "--frame",
+        metavar="NAME",
+        help="Frame, or topic of poses, that poses are taken in; with --poses what these are of.  [map]",
+    ),
+]
+Poses = Annotated[
+    str | None,
+    typer.Option("--poses", metavar="FILE", help="Poses for scans without or with worse ones: TUM, KITTI, g2o, CSV."),
 ]
 Config = Annotated[
     str | None,

@@ -32,6 +32,7 @@ def anneal(
     point_data: o.PointData = None,
     topic: o.Topic = None,
     frame: o.Frame = None,
+    poses: o.Poses = None,
     output: Output = None,
     config: o.Config = None,
     preset: Presets = None,
@@ -77,6 +78,7 @@ def anneal(
     from prf.api.science import sources_in
     from prf.configuration import IN_MANIFEST, load_configuration
     from prf.sampler.driver import StopRule
+    from prf.sampler.prepare import with_poses
     from prf.sampler.session import default_output
     from prf.shell.errors import UsageError
     from prf.shell.outputs import claim_output
@@ -87,10 +89,13 @@ def anneal(
         raise UsageError("Nothing to map: give --laser LOG, --sonar LOG or --point-data FILE.csv.")
     if steps is not None and time_budget is not None:
         raise UsageError("--steps and --time-budget: give one of them.")
-    o.refuse_shared_stream({"--laser": laser, "--sonar": sonar, "--point-data": point_data, "--config": config})
+    o.refuse_shared_stream(
+        {"--laser": laser, "--sonar": sonar, "--point-data": point_data, "--poses": poses, "--config": config}
+    )
     loaded = load_configuration(options, tables=(*IN_MANIFEST, "anneal"))
     science = loaded.settings
     target = output or str(default_output(logs[0]).with_suffix(".geojson"))
+    logs = with_poses(logs, science)
     claim_output(target, force, inputs=[*logs, config], suffixes=(".geojson",), json=json)
     used_seed = resolve_seed(seed)
     rule = StopRule(None if time_budget is not None else steps or DEFAULT_STEPS, time_budget)

@@ -25,6 +25,7 @@ def calibrate(
     ],
     sonar: o.Sonar = None,
     laser: o.Laser = None,
+    poses: o.Poses = None,
     output: Output = None,
     every_scan: o.EveryScan = None,
     scans: o.Scans = None,
@@ -51,9 +52,9 @@ def calibrate(
 
     if sonar is None and laser is None:
         raise UsageError("Nothing to calibrate by: give --sonar LOG, --laser LOG, or both.")
-    o.refuse_shared_stream({"--map": known, "--sonar": sonar, "--laser": laser, "--config": config})
+    o.refuse_shared_stream({"--map": known, "--sonar": sonar, "--laser": laser, "--poses": poses, "--config": config})
     if output is not None:
-        claim_output(output, force, inputs=[known, sonar, laser], suffixes=(".toml",), json=json)
+        claim_output(output, force, inputs=[known, sonar, laser, poses], suffixes=(".toml",), json=json)
     settings = load_configuration(options, tables=("laser", "sonar", "readings")).settings
     area = read_known_map(known)
     beams, cones = read_configured(settings, laser, sonar)

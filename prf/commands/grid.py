@@ -28,6 +28,7 @@ def grid(
     sonar: o.Sonar = None,
     topic: o.Topic = None,
     frame: o.Frame = None,
+    poses: o.Poses = None,
     output: Output = None,
     config: o.Config = None,
     assignments: Assignments = None,
@@ -53,7 +54,7 @@ def grid(
 
     from prf.configuration import load_configuration
     from prf.occupancy import build_grid, grid_sources, write_grid
-    from prf.sampler.prepare import read_configured
+    from prf.sampler.prepare import read_configured, with_poses
     from prf.sampler.session import default_output
     from prf.shell.errors import UsageError
     from prf.shell.files import STREAM
@@ -63,14 +64,15 @@ def grid(
     logs = [log for log in (laser, sonar) if log is not None]
     if not logs:
         raise UsageError("Nothing to map: give --laser LOG, --sonar LOG, or both.")
-    o.refuse_shared_stream({"--laser": laser, "--sonar": sonar, "--config": config})
+    o.refuse_shared_stream({"--laser": laser, "--sonar": sonar, "--poses": poses, "--config": config})
     if output == STREAM:
         raise UsageError("-o -: a grid is a .npz archive. Name one.")
     target = output or str(default_output(logs[0]).with_suffix(".grid.npz"))
-    claim_output(target, force, inputs=[*logs, config], suffixes=(".npz",))
     loaded = load_configuration(options, tables=("prior", "laser", "sonar", "readings", "grid"))
+    inputs = with_poses(logs, loaded.settings)
+    claim_output(target, force, inputs=[*inputs, config], suffixes=(".npz",))
     readings = read_configured(loaded.settings, laser, sonar)
-    built = build_grid(*readings, loaded.settings, {**describe_process(logs), "sources": grid_sources(loaded)})
+    built = build_grid(*readings, loaded.settings, {**describe_process(inputs), "sources": grid_sources(loaded)})
     write_grid(target, built.grid)
     if built.n_outside:
         logger.warning(f"{built.n_outside} readings dropped: their sensors are outside the window")

@@ -41,6 +41,7 @@ def info(
     point_data: PointData = False,
     topic: o.Topic = None,
     frame: o.Frame = None,
+    poses: o.Poses = None,
     json: Json = False,
 ) -> None:
     """Say what is in a log: scans, beams, extent, ranges, and what looks suspicious.
@@ -48,7 +49,7 @@ def info(
     Suspicious are poses that jump, clocks that do not run, ranges that are error codes, lines of unknown kinds. Whether
     the poses agree with one another over loops is not checked: look at the map for that.
     """
-    from prf.logs import describe, read_readings
+    from prf.logs import describe, read_poses, read_readings
     from prf.shell import console, jsonout
 
     if point_data:
@@ -56,7 +57,9 @@ def info(
         return
 
     kind: Kind | None = "sonar" if sonar else None
-    summary = describe(read_readings(log, kind, topic=topic, frame=frame), log)
+    o.refuse_shared_stream({"LOG": log, "--poses": poses})
+    trajectory = None if poses is None else read_poses(poses)
+    summary = describe(read_readings(log, kind, topic=topic, frame=frame, poses=trajectory), log)
     if json:
         jsonout.emit_object("prf.info/1", jsonout.jsonable(summary))
     else:

@@ -60,6 +60,7 @@ def sample(
     point_data: o.PointData = None,
     topic: o.Topic = None,
     frame: o.Frame = None,
+    poses: o.Poses = None,
     output: Output = None,
     config: o.Config = None,
     preset: Presets = None,
@@ -106,7 +107,7 @@ def sample(
         raise UsageError("--steps and --time-budget: give one of them.")
     given = (("--laser", laser), ("--sonar", sonar), ("--point-data", point_data))
     logs = {flag: log for flag, log in given if log is not None}
-    o.refuse_shared_stream({**logs, "--config": config})
+    o.refuse_shared_stream({**logs, "--poses": poses, "--config": config})
     loaded = load_configuration(options)
     folder = _folder(logs, output, resume)
     how: dict[str, Any] = {"steps": steps, "seconds": time_budget, "threads": threads}

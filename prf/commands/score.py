@@ -58,6 +58,7 @@ def score(
     ] = None,
     topic: o.Topic = None,
     frame: o.Frame = None,
+    poses: o.Poses = None,
     max_range: o.MaxRange = None,
     noise: o.Noise = None,
     noise_relative: o.NoiseRelative = None,
@@ -107,7 +108,9 @@ def score(
 
     if laser is None and sonar is None and truth is None:
         raise UsageError("Nothing to score by: give --laser HELDOUT, --sonar HELDOUT or --truth PLAN.geojson.")
-    o.refuse_shared_stream({"MAP": scored, "--laser": laser, "--sonar": sonar, "--truth": truth, "--config": config})
+    o.refuse_shared_stream(
+        {"MAP": scored, "--laser": laser, "--sonar": sonar, "--truth": truth, "--poses": poses, "--config": config}
+    )
     configuration = load_configuration(options, SCORE_DEFAULTS, ("laser", "sonar", "readings")).settings
     found = open_map(scored)
     readings = read_configured(configuration, laser, sonar)

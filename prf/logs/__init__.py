@@ -5,6 +5,7 @@ from __future__ import annotations
 from prf.logs.describe import LogSummary, describe
 from prf.logs.open import read_logs, read_readings
 from prf.logs.points import PointSummary, PointTable, describe_points, read_point_data
+from prf.logs.posed import Match, Poses, read_poses
 from prf.logs.poses import CONE
 from prf.logs.readings import Kind, LogNotes, NoReadings, Readings, ScanTable
 from prf.logs.suspicions import warn_of_spoiling
@@ -16,15 +17,18 @@ __all__ = [
     "Kind",
     "LogNotes",
     "LogSummary",
+    "Match",
     "NoReadings",
     "PointSummary",
     "PointTable",
+    "Poses",
     "Readings",
     "ScanTable",
     "describe",
     "describe_points",
     "read_logs",
     "read_point_data",
+    "read_poses",
     "read_readings",
     "thin",
     "warn_of_spoiling",

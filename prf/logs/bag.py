@@ -2,9 +2,10 @@
 
 The pose of a sensor is that of its frame in the fixed frame, ``map`` unless another is named, at the time stamp of the
 message: transforms are interpolated in time and multiplied along the tree (such as map, odom, base_link, laser), in
-three dimensions, so that a scanner mounted upside down is right. Odometry alone is not enough. The fixed frame may also
-be the topic of odometry messages, such as a simulator's true pose. Where a transform is missing, before the localizer
-has begun for instance, the scan is dropped and counted.
+three dimensions, so that a scanner mounted upside down is right. The fixed frame may also be a topic of poses of the
+robot: odometry such as a simulator's true pose, or PoseStamped and PoseWithCovarianceStamped such as a localizer's.
+Without a frame map the best of these is taken, odometry last, with a warning: it drifts. Where a transform is missing,
+before the localizer has begun for instance, the scan is dropped and counted.
 
 Ranges follow REP 117 and the message definitions: nan and whatever lies below range_min are error codes (a Hokuyo
 writes 0.006 or 0.019) and dropped; at or above range_max, and inf, is no return. One pose holds for a whole scan.
@@ -29,7 +30,11 @@ FIXED = "map"
 TYPES: dict[Kind, str] = {"laser": "sensor_msgs/msg/LaserScan", "sonar": "sensor_msgs/msg/Range"}
 TF_TYPES = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 ODOMETRY = "nav_msgs/msg/Odometry"
+POSES = (ODOMETRY, "geometry_msgs/msg/PoseWithCovarianceStamped", "geometry_msgs/msg/PoseStamped")
 TRUTH = "truth"  # in the name of a topic of odometry that is a simulator's true pose
+NO_POSES = ("goal", "initialpose", "target", "setpoint")  # in names of topics that say where a robot should be
+BASES = ("base_link", "base_footprint")  # ends of the names of the frame that programs call the robot
+WORLDS = ("map", "odom", "world", "earth")
 
 TILT = np.sin(np.radians(5.0))  # sine of the tilt from which on a remark is due
 
@@ -50,12 +55,19 @@ class _Raw(NamedTuple):
 
 
 def read_bag(
-    path: Path, source: str, kind: Kind | None, cone: float, topic: str | None = None, frame: str | None = None
+    path: Path,
+    source: str,
+    kind: Kind | None,
+    cone: float,
+    topic: str | None = None,
+    frame: str | None = None,
+    on_robot: bool = False,
 ) -> Readings:
     """Read the readings of a bag: a .bag, .mcap or .db3 file, or the folder of a ROS 2 bag.
 
     Parameters as of :func:`prf.logs.read_readings`. `topic` may be several with commas; default the only LaserScan
-    topic, or all Range topics, since each transducer of a ring usually has its own.
+    topic, or all Range topics, since each transducer of a ring usually has its own. `on_robot`: see
+    :mod:`prf.logs.posed`; then `frame` is the one that the poses are of, default the robot's.
     """
     with open_bag(path, source) as bag:
         kind, topics = _topics(bag, kind, topic)
@@ -65,17 +77,24 @@ def read_bag(
             raise NoReadings(f"{source}: the messages of {', '.join(topics)} are empty.")
         tree = Tree()
         tree.add_messages(bag.messages(bag.of_type(*TF_TYPES)))
-        fixed = frame if frame is not None else FIXED
-        if bag.topics.get(fixed) is not None and bag.topics[fixed].type == ODOMETRY:
-            _add_odometry(tree, bag, fixed, raws[0].frame)
-        scans, remarks = _place(raws, tree, bag, frame_name(fixed) if fixed not in bag.topics else fixed)
+        sensor, warning = raws[0].frame, ""
+        if on_robot:
+            fixed = _robot_frame(tree, sensor, frame, source)
+        elif frame is not None:
+            fixed = frame if frame in bag.topics else frame_name(frame)
+        else:
+            fixed, warning = _best_frame(tree, bag, sensor)
+        if not on_robot and fixed in bag.topics and bag.topics[fixed].type in POSES:
+            _add_poses(tree, bag, fixed, sensor)
+        scans, remarks = _place(raws, tree, bag, fixed)
         remarks += _infrared(bag, kind, topics)
         notes = LogNotes(
             format=bag.format,
             sensor_max=max((raw.top for raw in raws if raw.no_return), default=np.nan),
-            poses=f"{_how(fixed, bag)}, interpolated in time",
+            poses=fixed if on_robot else f"{_how(fixed, bag)}, interpolated in time",
             lines={name: found.n_messages for name, found in bag.topics.items() if name not in topics},
             remarks=tuple(remarks),
+            warnings=(warning,) if warning else (),
         )
     return assemble(scans, source, notes)
 
@@ -131,14 +150,51 @@ def _raw(kind: Kind, message: Message, source: str, cone: float) -> _Raw:
     return _Raw(message.topic, frame_name(header.frame_id), time, bearing, ranges, opening, top, has_number)
 
 
-def _add_odometry(tree: Tree, bag: Bag, topic: str, sensor: str) -> None:
-    """Hang the frame whose pose odometry messages give below a frame of the topic's name."""
+def _best_frame(tree: Tree, bag: Bag, sensor: str) -> tuple[str, str]:
+    """Return the fixed frame or the topic of poses to take unasked, and what to warn of; the best if there are more."""
+    if tree.chain(FIXED, sensor) is not None:
+        return FIXED, ""
+    held = tree.rigid_above(sensor)
+    found = [(2 + ("odom" in root), root) for root in tree.roots_above(sensor) if root not in held]
+    for topic in bag.of_type(*POSES):
+        if not any(word in topic for word in NO_POSES):
+            parent = frame_name(next(bag.messages([topic])).body.header.frame_id)
+            is_odometry = bag.topics[topic].type == ODOMETRY or "odom" in parent
+            found.append((0 if parent == FIXED else 1 if TRUTH in topic else 4 if is_odometry else 1, topic))
+    if not found:
+        return FIXED, ""
+    (rank, best), *others = sorted(found)
+    warning = f"tf has no frame {FIXED!r}: poses are those of {best!r}"
+    if rank > 2:
+        warning += ", odometry, which drifts: localize the log and give its trajectory with --poses"
+    return best, warning + (f"; --frame can choose {', '.join(name for _, name in others)}" if others else "")
+
+
+def _robot_frame(tree: Tree, sensor: str, frame: str | None, source: str) -> str:
+    """Return the frame that poses of a file are of: as asked, else the robot's that carries the sensor."""
+    held = tree.rigid_above(sensor)
+    if frame is None:
+        bases = [name for base in BASES for name in held if name.endswith(base)]
+        return [sensor, *(name for name in held if name not in WORLDS), *bases[:1]][-1]
+    name = frame_name(frame)
+    if not tree.is_rigid(name, sensor):
+        raise ConfigError(
+            f"--frame {frame}: with --poses it is the frame that these are of, and must sit rigidly on the sensor; "
+            f"{source} has {', '.join(held)}."
+        )
+    return name
+
+
+def _add_poses(tree: Tree, bag: Bag, topic: str, sensor: str) -> None:
+    """Hang the frame whose pose messages give below a frame of the topic's name: the robot's, unless they name it."""
     child = ""
     for message in bag.messages([topic]):
         body = message.body
-        pose = body.pose.pose
-        child = child or frame_name(body.child_frame_id)
-        child = child or _moving_frame(tree, frame_name(body.header.frame_id), sensor)
+        pose = getattr(body.pose, "pose", body.pose)
+        child = child or frame_name(getattr(body, "child_frame_id", ""))
+        if not child and bag.topics[topic].type == ODOMETRY:
+            child = _moving_frame(tree, frame_name(body.header.frame_id), sensor)
+        child = child or _robot_frame(tree, sensor, None, bag.source)
         time = seconds(body.header.stamp, message.received)
         tree.add(topic, child, time, (pose.position, pose.orientation), is_static=False)
 
@@ -146,7 +202,7 @@ def _add_odometry(tree: Tree, bag: Bag, topic: str, sensor: str) -> None:
 def _moving_frame(tree: Tree, parent: str, sensor: str) -> str:
     """Return the frame that odometry without a child frame (Stage's) means: the next after `parent` to the sensor."""
     steps = tree.chain(parent, sensor)
-    return steps[0][1] if steps else sensor
+    return steps[0][1] if steps else ""
 
 
 def _place(raws: list[_Raw], tree: Tree, bag: Bag, fixed: str) -> tuple[list[Scan], list[str]]:
@@ -187,15 +243,14 @@ def _scan(raw: _Raw, device: str, number: int, poses: Rigid, row: int, ahead: Fl
 
 def _unfixed(tree: Tree, bag: Bag, fixed: str, sensor: str) -> str:
     """Return why the sensor has no pose, and what could be chosen."""
-    roots, topics = tree.roots_above(sensor), bag.of_type(ODOMETRY)
-    true_poses = [topic for topic in topics if TRUTH in topic]
-    choices = [*true_poses, *roots, *topics]
+    roots, topics = tree.roots_above(sensor), bag.of_type(*POSES)
     has = f"tf leads from {sensor!r} up to {', '.join(map(repr, roots))}" if roots else f"tf has no {sensor!r}"
-    odometry = f", odometry topics are {', '.join(topics)}" if topics else ""
-    advice = f"Localize it first, or choose with --frame {choices[0]}." if choices else "Record /tf and /tf_static too."
-    if true_poses:
-        advice = f"Take the true poses with --frame {true_poses[0]}."
-    return f"{bag.source}: no way from the fixed frame {fixed!r} to the sensor: {has}{odometry}. {advice}"
+    best = _best_frame(tree, bag, sensor)[0]
+    with_poses = f", topics of poses are {', '.join(topics)}" if topics else ""
+    advice = "Record /tf and /tf_static too, or give a trajectory with --poses."
+    if best in (*roots, *topics):
+        advice = f"Leave --frame out, or choose {best}." if best != fixed else advice
+    return f"{bag.source}: no way from the fixed frame {fixed!r} to the sensor: {has}{with_poses}. {advice}"
 
 
 def _infrared(bag: Bag, kind: Kind, topics: list[str]) -> list[str]:
@@ -206,4 +261,4 @@ def _infrared(bag: Bag, kind: Kind, topics: list[str]) -> list[str]:
 
 
 def _how(fixed: str, bag: Bag) -> str:
-    return f"odometry of {fixed}" if fixed in bag.topics else f"tf from {fixed}"
+    return f"messages of {fixed}" if fixed in bag.topics else f"tf from {fixed}"

@@ -1,14 +1,5 @@
 """CARMEN logs: ``FLASER``, ``RLASER``, ``ROBOTLASER0`` to ``ROBOTLASER5`` and ``SONAR`` lines.
 
-A line holds one message, and its first field alone names it (comments may hold any of these words)::
-
-    FLASER n r1..rn laser_x laser_y laser_theta robot_x robot_y robot_theta time host logger_time
-    RLASER ...                                                                     likewise
-    ROBOTLASER1 type start_angle fov resolution max_range accuracy remission_mode n r1..rn m s1..sm
-        laser_x laser_y laser_theta robot_x robot_y robot_theta tv rv forward side [turn_axis] time host logger_time
-    SONAR cone_angle num_sonars r1..rn x1 y1 theta1 .. xn yn thetan time host logger_time
-    SONAR n r1..rn x y theta odom_x odom_y odom_theta time host logger_time        as GMapping reads it
-
 The laser pose is the pose of the scanner itself, so no ``PARAM robot_frontlaser_offset`` is added again; that of the
 rear laser looks backwards already (``construct_laser_message`` in CARMEN's robot_laser.c).
 
@@ -31,72 +22,46 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from typing import NamedTuple
+from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from prf.logs.poses import CONE, QUARTER_DEGREES, Track, mounted, plain_bearings, ring_of, spread
+from prf.logs.carmen_lines import (
+    LASERS,
+    PLAIN_LASERS,
+    RAW_LASERS,
+    SONAR,
+    LaserLine,
+    SonarLine,
+    parse_laser,
+    parse_sonar,
+)
+from prf.logs.poses import CONE, QUARTER_DEGREES, Track, mounted, ring_of, seen_from
 from prf.logs.readings import Kind, LogNotes, NoReadings, OwnPoses, Readings, Scan, assemble
-from prf.logs.text import FloatArray, expect_length, floats, parse_lines
+from prf.logs.text import FloatArray, floats, parse_lines
 from prf.shell.errors import ConfigError, InputError
 
-PLAIN_LASERS = ("FLASER", "RLASER")
-LASERS = (*PLAIN_LASERS, *(f"ROBOTLASER{i}" for i in range(6)))
-SONAR = "SONAR"
 POSE_LINES = ("GLOBALPOS", "TRUEPOS", "ODOM")
 LASER_LINES = "laser lines"
 COMMENT = "comment"
 KNOWN_KINDS = frozenset(
     (
         *LASERS,
-        *(f"RAWLASER{i}" for i in range(6)),
+        *RAW_LASERS[:-1],
         *("LASER3", "LASER4", "LASER5", "REMISSIONFLASER", "REMISSIONRLASER", "POSITIONLASER"),
         *("PARAM", "SYNC", "NEFF", "MARKER", "BUMPER", "ARM", "IMU", "SCANMARK", "NMEAGGA", SONAR, *POSE_LINES),
         *("NMEARMC", "VECTORMOVE", "ROBOTVELOCITY", "FOLLOWTRAJECTORY", "BASEVELOCITY"),
     )
 )
 """First fields of CARMEN's log format; NEFF is an addition of GMapping's."""
+FRONT = re.compile(rb"\s*PARAM\s+robot_frontlaser_(side_|angular_|)offset\s+([-+\d.eE]+)")
+"""Where the laser of RAWLASER1 lines sits on the robot: ahead, aside, turned."""
 OFFSETS = re.compile(rb"\s*PARAM\s+\w*sonar_offsets\s+((?:[-+\d.eE]+(?:\s+|$))+)")  # time and host may follow
 MOST_ODD = 20  # unknown kinds of line that are listed; a damaged file may have thousands
 SAME_MOUNT = 1e-3  # metres and radians within which a laser sits on the robot alike in all its lines
 
 Lines = dict[str, list[tuple[int, bytes]]]
 """Numbers and text of the lines of each kind."""
-
-
-class LaserLine(NamedTuple):
-    """One laser line: `bearing` is relative to the heading of `pose`, the laser's; `robot` is the pose of the base."""
-
-    kind: str
-    line: int
-    ranges: FloatArray
-    bearing: FloatArray
-    pose: FloatArray
-    time: float
-    robot: FloatArray
-    max_range: float = np.nan
-
-    @property
-    def is_return(self) -> NDArray[np.bool_]:
-        """Which ranges lie below the scanner's maximum, all if there is none."""
-        return np.asarray(~(self.ranges >= (self.max_range if self.max_range > 0.0 else np.inf)))
-
-    def scan(self) -> Scan:
-        """Return the beams in the world."""
-        ranges = np.where(self.is_return, self.ranges, np.inf)
-        return Scan(self.kind, self.line, self.time, self.pose, self.pose[:2], self.pose[2] + self.bearing, ranges)
-
-
-class SonarLine(NamedTuple):
-    """One SONAR line; `pose` and `ring` are None where it has none."""
-
-    line: int
-    ranges: FloatArray
-    time: float
-    cone: float
-    pose: FloatArray | None
-    ring: FloatArray | None
 
 
 def read_carmen(
@@ -106,28 +71,33 @@ def read_carmen(
     cone: float = CONE,
     device: str | None = None,
     frame: str | None = None,
+    on_robot: bool = False,
 ) -> Readings:
     """Read the readings of a CARMEN log, decompressed; parameters as of :func:`prf.logs.read_readings`.
 
     Scans are numbered in the order of the file, all lasers together. `device` names a kind of line, `frame` what gives
-    the robot's pose at SONAR lines: "laser lines" or one of `POSE_LINES`.
+    the robot's pose at SONAR lines: "laser lines" or one of `POSE_LINES`. `on_robot`: see :mod:`prf.logs.posed`; then
+    lines of a laser without a pose are read if there are no others: RAWLASER, and ``Laser n r1..rn`` of DP-SLAM.
     """
     lines = _lines_by_kind(data)
     lasers = [name for name in lines if name in LASERS]
+    if on_robot and not lasers:
+        lasers = [name for name in lines if name in RAW_LASERS]
     if kind != "sonar" and lasers:
-        return _read_lasers(lines, lasers, source, device, frame)
+        return _read_lasers(lines, lasers, source, device, frame, on_robot)
     if kind == "laser" or (kind is None and SONAR not in lines):
         by_number = sorted(lines.items(), key=lambda item: -len(item[1]))
         found = ", ".join(f"{len(group)} {name}" for name, group in by_number[:6]) or "nothing"
         why = "no FLASER, RLASER or ROBOTLASER line, the ones that carry a laser pose"
         raise NoReadings(
-            f"{source}: CARMEN log with {why}; it has {found}. Use a log with corrected (localized) scans."
+            f"{source}: CARMEN log with {why}; it has {found}. Use a log with corrected (localized) scans, "
+            "or give their trajectory with --poses."
         )
     if SONAR not in lines:
         raise NoReadings(f"{source}: CARMEN log without SONAR lines. Use a log with sonar, or a table with cones.")
     if device not in (None, SONAR):
         raise ConfigError(f"--topic {device}: the sonar readings of {source} are its {SONAR} lines. Leave it out.")
-    return _read_sonars(lines, lasers, source, cone, frame)
+    return _read_sonars(lines, lasers, source, cone, frame, on_robot)
 
 
 def _lines_by_kind(data: bytes) -> Lines:
@@ -148,7 +118,9 @@ def _counts(lines: Lines, read: Sequence[str]) -> tuple[dict[str, int], dict[str
     return known, dict(odd[:MOST_ODD])
 
 
-def _read_lasers(lines: Lines, lasers: list[str], source: str, device: str | None, frame: str | None) -> Readings:
+def _read_lasers(
+    lines: Lines, lasers: list[str], source: str, device: str | None, frame: str | None, on_robot: bool
+) -> Readings:
     if device is not None and device not in lasers:
         raise ConfigError(f"--topic {device}: {source} has {', '.join(lasers)}.")
     if frame is not None:
@@ -158,12 +130,28 @@ def _read_lasers(lines: Lines, lasers: list[str], source: str, device: str | Non
         )
     chosen = lasers if device is None else [device]
     merged = sorted(row for kind in chosen for row in lines[kind])
-    found = parse_lines(_parse_laser, merged, source)
+    found = parse_lines(parse_laser, merged, source)
     reached = [line.max_range for line in found if line.max_range > 0.0 and not line.is_return.all()]
     top = max(reached, default=np.nan)
     known, odd = _counts(lines, lasers)
     notes = LogNotes("CARMEN", sensor_max=top, lines=known, odd_lines=odd, remarks=_laser_remarks(found))
+    if on_robot:
+        found = _on_robot(found, lines)
+        notes = replace(notes, poses="the robot" if any(line.pose.any() for line in found) else "the laser")
     return assemble([line.scan() for line in found], source, notes)
+
+
+def _on_robot(found: list[LaserLine], lines: Lines) -> list[LaserLine]:
+    """Return the lines with the place of the laser on the robot for its pose: by its lines, or by PARAM."""
+    places = dict.fromkeys((line.kind for line in found), np.zeros(3))
+    for kind in places:
+        of_kind = [line for line in found if line.kind == kind]
+        if kind == "RAWLASER1":
+            given = {match[1]: match[2] for _, line in lines.get("PARAM", []) if (match := FRONT.match(line))}
+            places[kind] = floats([given.get(axis, b"0") for axis in (b"", b"side_", b"angular_")])
+        elif kind in LASERS and _robot_is_in_laser_frame(of_kind):
+            places[kind] = seen_from(of_kind[0].robot, of_kind[0].pose)
+    return [line._replace(pose=places[line.kind]) for line in found]
 
 
 def _laser_remarks(lines: list[LaserLine]) -> tuple[str, ...]:
@@ -181,31 +169,13 @@ def _laser_remarks(lines: list[LaserLine]) -> tuple[str, ...]:
     return tuple(remarks)
 
 
-def _parse_laser(number: int, fields: list[bytes]) -> LaserLine:
-    kind = fields[0].decode("ascii")
-    if kind not in PLAIN_LASERS:
-        return _parse_robot_laser(kind, number, fields)
-    n = int(fields[1])
-    expect_length(fields, (n + 11,), f"{n} readings")
-    values = floats(fields[2 : n + 9])
-    return LaserLine(
-        kind, number, values[:n], plain_bearings(n), values[n : n + 3], float(values[-1]), values[n + 3 : n + 6]
-    )
-
-
-def _parse_robot_laser(kind: str, number: int, fields: list[bytes]) -> LaserLine:
-    n = int(fields[8])
-    m = int(fields[n + 9])
-    # The format page of CARMEN has turn_axis, some writers of the format leave it out.
-    expect_length(fields, (n + m + 24, n + m + 23), f"{n} readings and {m} remission values")
-    start, _, step, max_range = floats(fields[2:6]).tolist()
-    ranges, poses = floats(fields[9 : n + 9]), floats(fields[n + m + 10 : n + m + 16])
-    return LaserLine(kind, number, ranges, spread(start, step, n), poses[:3], float(fields[-3]), poses[3:], max_range)
-
-
-def _read_sonars(lines: Lines, lasers: list[str], source: str, cone: float, frame: str | None) -> Readings:
-    sonars = parse_lines(lambda number, fields: _parse_sonar(number, fields, cone), lines[SONAR], source)
-    poses, remarks, where_from = _poses(lines, lasers, sonars, source, frame)
+def _read_sonars(
+    lines: Lines, lasers: list[str], source: str, cone: float, frame: str | None, on_robot: bool
+) -> Readings:
+    sonars = parse_lines(lambda number, fields: parse_sonar(number, fields, cone), lines[SONAR], source)
+    poses, remarks, where_from = np.zeros((len(sonars), 3)), list[str](), "the robot"
+    if not on_robot:
+        poses, remarks, where_from = _poses(lines, lasers, sonars, source, frame)
     offsets = [found for _, line in lines.get("PARAM", []) if (found := OFFSETS.match(line))]
     numbers = _leading_floats(offsets[-1][1].split()) if offsets else np.empty(0)
     given = numbers[: len(numbers) // 3 * 3].reshape(-1, 3) if offsets else None
@@ -240,18 +210,6 @@ def _leading_floats(fields: list[bytes]) -> FloatArray:
     return np.array(found)
 
 
-def _parse_sonar(number: int, fields: list[bytes], cone: float) -> SonarLine:
-    has_pose = fields[1].isdigit()
-    n = int(fields[1] if has_pose else fields[2])
-    expect_length(fields, (n + 11 if has_pose else 4 * n + 6,), f"{n} readings")
-    time = float(fields[-3])
-    if has_pose:
-        values = floats(fields[2 : n + 5])
-        return SonarLine(number, values[:n], time, cone, values[n:], None)
-    values = floats(fields[3:-3])
-    return SonarLine(number, values[:n], time, float(fields[1]) or cone, None, values[n:].reshape(n, 3))
-
-
 def _ring(sonar: SonarLine, given: FloatArray | None, source: str) -> FloatArray:
     """Return the ring (n, 3) of a line: its own, that of a PARAM line, or a Pioneer's."""
     n = len(sonar.ranges)
@@ -282,7 +240,7 @@ def _poses(
         raise ConfigError(f"--frame {name}: {source} has {', '.join(present)}.")
     remarks = ["the poses are the odometry's, which drifts unless the log was corrected"] if name == "ODOM" else []
     if name == LASER_LINES:
-        found = parse_lines(_parse_laser, lines[lasers[0]], source)
+        found = parse_lines(parse_laser, lines[lasers[0]], source)
         one_frame = _robot_is_in_laser_frame(found)
         rows = [(line.line, line.time, line.robot if one_frame else line.pose) for line in found]
         if not one_frame:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import logging
 import re
 from collections.abc import Iterator
 from itertools import islice
@@ -13,6 +14,7 @@ from typing import Literal
 from prf.logs.bag import read_bag
 from prf.logs.carmen import KNOWN_KINDS, read_carmen
 from prf.logs.player import read_player
+from prf.logs.posed import Poses, placed
 from prf.logs.poses import CONE
 from prf.logs.readings import Kind, OwnPoses, Readings
 from prf.logs.table import REQUIRED, read_table
@@ -20,8 +22,11 @@ from prf.logs.text import BYTE_ORDER_MARK, column_names, decompress
 from prf.shell.bag import HEAD, bag_in, bag_suffix
 from prf.shell.errors import ConfigError, InputError
 from prf.shell.files import STREAM, open_input
+from prf.shell.pose_rows import slam_state
 
 Format = Literal["carmen", "player", "table"]
+
+logger = logging.getLogger(__name__)
 
 ACCEPTED = (
     "Accepted are CARMEN logs with laser poses, Player logs, ROS bags, and CSV tables with the columns "
@@ -57,6 +62,7 @@ def read_readings(
     topic: str | None = None,
     frame: str | None = None,
     cone: float = CONE,
+    poses: Poses | None = None,
 ) -> Readings:
     """Read the readings of one kind of sensor from a log; the format is recognised from the content.
 
@@ -67,32 +73,39 @@ def read_readings(
     log (``RLASER``). Needed for a bag with several laser topics. `frame`: in what frame: one of a bag's frames or an
     odometry topic (default ``map``), the position device of a Player log (``position2d:1``), the kind of line that
     gives the robot's pose at CARMEN sonar readings (``ODOM``). `cone`: full opening angle in radians of sonar readings
-    whose log has none. Returns: all beams, in the order of the file.
+    whose log has none. `poses`: of a file, instead of the log's; then `frame` names the frame of a bag that they are
+    of. Returns: all beams, in the order of the file.
     """
+    on_robot = poses is not None
+    found = _read(path, kind, topic, frame, cone, on_robot)
+    return found if poses is None else placed(found, poses)
+
+
+def _read(path: str, kind: Kind | None, topic: str | None, frame: str | None, cone: float, on_robot: bool) -> Readings:
     source = "standard input" if path == STREAM else path
     place = Path(path)
     if path != STREAM and place.is_dir():
-        return read_bag(bag_in(place, ACCEPTED), source, kind, cone, topic, frame)
+        return read_bag(bag_in(place, ACCEPTED), source, kind, cone, topic, frame, on_robot)
     with open_input(path) as stream:
         head = stream.read(HEAD)
         if path != STREAM and bag_suffix(head):
-            return read_bag(place, source, kind, cone, topic, frame)
+            return read_bag(place, source, kind, cone, topic, frame, on_robot)
         data = decompress(head + stream.read(), source)
     if bag_suffix(data[:HEAD]):
         with NamedTemporaryFile() as copy:
             copy.write(data)
             copy.flush()
-            return read_bag(Path(copy.name), source, kind, cone, topic, frame)
+            return read_bag(Path(copy.name), source, kind, cone, topic, frame, on_robot)
     data = data.removeprefix(BYTE_ORDER_MARK)
-    found = recognise(data, source)
+    found = recognise(data, source, on_robot)
     if found == "player":
-        return read_player(data, source, kind, cone, topic, frame)
+        return read_player(data, source, kind, cone, topic, frame, on_robot)
     if found == "carmen":
-        return read_carmen(data, source, kind, cone, topic, frame)
+        return read_carmen(data, source, kind, cone, topic, frame, on_robot)
     for flag, value in (("--topic", topic), ("--frame", frame)):
         if value is not None:
             raise ConfigError(f"{flag} {value}: {source} is a table, which has one sensor and one frame. Leave it out.")
-    return read_table(data, source, kind, cone)
+    return read_table(data, source, kind, cone, on_robot)
 
 
 def read_logs(
@@ -103,12 +116,14 @@ def read_logs(
     frame: str | None = None,
     sonar_topic: str | None = None,
     cone: float = CONE,
+    poses: Poses | None = None,
 ) -> tuple[Readings | None, Readings | None]:
     """Read the log of a laser, of a sonar or of both; None for a sensor without log.
 
     `laser`, `sonar`: logs, which may be the same file. `topic`, `sonar_topic`: whose readings to take of each, see
     :func:`prf.logs.read_readings`. `frame`: in what frame, for both; laser lines of CARMEN carry their poses, so there
-    it is for the sonar alone. `cone`: full opening angle in radians of sonar readings whose log has none.
+    it is for the sonar alone. `cone`: full opening angle in radians of sonar readings whose log has none. `poses`: of a
+    file, instead of those of the logs. What a person must know of poses is logged.
     """
     if topic is not None and laser is None:
         raise ConfigError(
@@ -120,21 +135,28 @@ def read_logs(
     beams = cones = None
     if laser is not None:
         try:
-            beams = read_readings(laser, topic=topic, frame=frame)
+            beams = read_readings(laser, topic=topic, frame=frame, poses=poses)
         except OwnPoses:
             if sonar is None:
                 raise
-            beams = read_readings(laser, topic=topic)
+            beams = read_readings(laser, topic=topic, poses=poses)
     if sonar is not None:
-        cones = read_readings(sonar, "sonar", topic=sonar_topic, frame=frame, cone=cone)
+        cones = read_readings(sonar, "sonar", topic=sonar_topic, frame=frame, cone=cone, poses=poses)
+    for found in filter(None, (beams, cones)):
+        if poses is not None:
+            logger.info(f"{found.source}: poses of {found.notes.poses}")
+        for warning in found.notes.warnings:
+            logger.warning(f"{found.source}: {warning}")
     return beams, cones
 
 
-def recognise(data: bytes, source: str) -> Format:
+def recognise(data: bytes, source: str, on_robot: bool = False) -> Format:
     """Return the format of decompressed content that is no bag (InputError with what it looks like if it is none)."""
     head = _head(data)
     if not data.strip():
         looks_like = "the file is empty"
+    elif (state := slam_state(data)) is not None:
+        looks_like = state
     elif names := [name for magic, name in MAGICS if data.startswith(magic)]:
         looks_like = f"this is {names[0]}"
     elif b"\0" in data:
@@ -143,7 +165,7 @@ def recognise(data: bytes, source: str) -> Format:
         return "table"
     elif _PLAYER.search(head):
         return "player"
-    elif _is_carmen(head):
+    elif _is_carmen(head) or (on_robot and _ODOMETRY.search(head)):
         return "carmen"
     else:
         looks_like = _text_of(head)
@@ -175,7 +197,7 @@ def _text_of(head: bytes) -> str:
     if _ODOMETRY.search(head):
         return (
             "this is an unlocalized log: its scans come with odometry, not with corrected sensor poses. "
-            "Localize it first (by scan matching or SLAM)"
+            "Localize it first (by scan matching or SLAM), and give the trajectory with --poses"
         )
     first = next(_content(head), b"").decode("latin-1").lower()
     if set(REQUIRED) <= set(re.split(r"[;\s|]+", first)):

@@ -94,12 +94,18 @@ class Shot(NamedTuple):
 
 
 def read_player(
-    data: bytes, source: str, kind: Kind | None, cone: float, device: str | None = None, frame: str | None = None
+    data: bytes,
+    source: str,
+    kind: Kind | None,
+    cone: float,
+    device: str | None = None,
+    frame: str | None = None,
+    on_robot: bool = False,
 ) -> Readings:
     """Read the readings of a Player log, decompressed; parameters as of :func:`prf.logs.read_readings`.
 
     `device` is one such as ``laser:1`` (default all of the kind), `frame` the position device that gives the robot's
-    pose, such as ``position2d:1`` (default the first in the file).
+    pose, such as ``position2d:1`` (default the first in the file). `on_robot`: see :mod:`prf.logs.posed`.
     """
     lines = parse_lines(_parse_line, content_lines(data), source)
     present = {line.interface for line in lines if line.is_reading}
@@ -118,7 +124,9 @@ def read_player(
     read = [line for line in read if device in (None, line.device)]
     parse = _laser_shot if chosen == "laser" else _sonar_shot
     shots = _parse_rest(parse, read, source)
-    poses, where_from, remarks = _poses(lines, shots, source, frame)
+    poses, where_from, remarks = np.zeros((len(shots), 3)), "the robot", list[str]()
+    if not on_robot:
+        poses, where_from, remarks = _poses(lines, shots, source, frame)
     geometry = [line for line in lines if line.is_geometry and line.interface == chosen]
     notes = LogNotes("Player", poses=where_from, lines=dict(left), remarks=tuple(remarks))
     if chosen == "laser":
@@ -194,7 +202,10 @@ def _poses(
         return np.array(own), "in the laser lines", []
     devices = list(dict.fromkeys(line.device for line in lines if line.is_pose))
     if not devices:
-        raise InputError(f"{source}: no position line gives the pose of the robot. Use a log with position2d lines.")
+        raise InputError(
+            f"{source}: no position line gives the pose of the robot. Use a log with position2d lines, "
+            "or give a trajectory with --poses."
+        )
     name = devices[0] if frame is None else frame
     if name not in devices:
         raise ConfigError(f"--frame {name}: {source} has poses of {', '.join(devices)}.")

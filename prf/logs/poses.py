@@ -94,6 +94,13 @@ def mounted(robot: FloatArray, mount: FloatArray) -> FloatArray:
     )
 
 
+def seen_from(robot: FloatArray, pose: FloatArray) -> FloatArray:
+    """Return the pose (3,) on a robot of something whose world pose is `pose`, both as :func:`mounted` has them."""
+    cosine, sine = np.cos(robot[2]), np.sin(robot[2])
+    x, y, turn = pose - robot
+    return np.array([cosine * x + sine * y, cosine * y - sine * x, np.arctan2(np.sin(turn), np.cos(turn))])
+
+
 def ring_of(n: int) -> FloatArray | None:
     """Return the (n, 3) Pioneer ring of `n` transducers, or None if there is none of that size."""
     return PIONEER[:n] if n in (8, 16) else None

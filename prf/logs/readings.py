@@ -62,13 +62,15 @@ class LogNotes:
     # the sensors' own maximum range, where the log states it and has finite readings at or above it: these are inf in
     # `Readings`. nan otherwise
     sensor_max: float = math.nan
-    poses: str = "in the log"  # where the poses are from, for a person
+    # where the poses are from, for a person; of readings on the robot (prf.logs.posed) what the sensor sits on
+    poses: str = "in the log"
     # where the transducers of a sonar ring sit on the robot, metres and radians; empty for other sensors
     ring: tuple[tuple[float, float, float], ...] = ()
     # how many lines of each kind were skipped, kinds that the format knows
     lines: Mapping[str, int] = field(default_factory=dict)
     odd_lines: Mapping[str, int] = field(default_factory=dict)  # the same for kinds that the format does not know
     remarks: tuple[str, ...] = ()  # what the reader had to assume
+    warnings: tuple[str, ...] = ()  # what of that, or of scans without a pose, a person must know before mapping
 
 
 @dataclass(frozen=True, repr=False)

@@ -48,7 +48,14 @@ class _Steps(NamedTuple):
 
 def find_suspicions(readings: Readings) -> tuple[Suspicion, ...]:
     """Return what looks suspicious in a whole log."""
-    return (*find_spoiling(readings), *_clock(readings.notes.scans), *_dropped(readings), *_odd_lines(readings))
+    of_poses = (Suspicion("poses", warning) for warning in readings.notes.warnings)
+    return (
+        *of_poses,
+        *find_spoiling(readings),
+        *_clock(readings.notes.scans),
+        *_dropped(readings),
+        *_odd_lines(readings),
+    )
 
 
 def find_spoiling(readings: Readings) -> tuple[Suspicion, ...]:

@@ -86,7 +86,7 @@ def read_prepared(
 def read_configured(
     config: Configuration, laser_log: str | None, sonar_log: str | None
 ) -> tuple[Readings | None, Readings | None]:
-    """Read the logs of a laser and a sonar, of the topics and in the frame of a configuration; None without a log."""
+    """Read the logs of a laser and a sonar, of the topics, frame and poses of a configuration; None without a log."""
     return read_logs(
         laser_log,
         sonar_log,
@@ -94,7 +94,13 @@ def read_configured(
         frame=config.readings.frame,
         sonar_topic=config.readings.sonar_topic,
         cone=config.sonar.cone,
+        poses=config.readings.trajectory(),
     )
+
+
+def with_poses(logs: Sequence[str], config: Configuration) -> list[str]:
+    """Return the files that readings are from: the logs, and that of their poses."""
+    return [*logs, *([] if config.readings.poses is None else [config.readings.poses])]
 
 
 def prepare_whole(

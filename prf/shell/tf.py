@@ -39,6 +39,11 @@ class _Edge:
     time: list[float] = field(default_factory=list)
     pose: list[tuple[float, ...]] = field(default_factory=list)
 
+    @property
+    def is_rigid(self) -> bool:
+        """Whether all poses are one."""
+        return self.is_static or all(pose == self.pose[0] for pose in self.pose)
+
 
 class Tree:
     """Frames and the motions between parent and child; a child may have several parents, from several sources."""
@@ -77,6 +82,19 @@ class Tree:
             if not above and name != frame:
                 roots.append(name)
         return roots
+
+    def rigid_above(self, frame: str) -> list[str]:
+        """Return `frame` and those above it to which it never moves, from child to parent."""
+        reached = [frame]
+        for name in reached:
+            reached += [up for up in self.parents(name) if up not in reached and self._edges[up, name].is_rigid]
+        return reached
+
+    def is_rigid(self, one: str, other: str) -> bool:
+        """Return whether two frames are joined, and never move to one another."""
+        steps = self.chain(one, other)
+        edges = [self._edges.get(step) or self._edges[step[::-1]] for step in steps or ()]
+        return steps is not None and all(edge.is_rigid for edge in edges)
 
     def chain(self, fixed: str, frame: str) -> list[tuple[str, str]] | None:
         """Return the (parent, child) pairs from `fixed` to `frame`, each may be walked either way; None if none."""
@@ -127,7 +145,7 @@ def _at(edge: _Edge, time: FloatArray) -> Rigid:
     last = dict(zip(edge.time, edge.pose, strict=True))
     stamps = np.array(sorted(last))
     pose = np.array([last[stamp] for stamp in stamps.tolist()])
-    if edge.is_static or (pose == pose[0]).all():
+    if edge.is_rigid:
         found = np.tile(edge.pose[-1], (len(time), 1))
         return Rigid(found[:, :3], found[:, 3:], np.ones(len(time), dtype=bool))
     shift = np.column_stack([np.interp(time, stamps, column) for column in pose[:, :3].T])

@@ -23,8 +23,8 @@ UPRIGHT = 0.9
 """Least upward component of the z axes of sensors that all stand upright, and ..."""
 TILTED = 0.5
 """... the one below which a sensor does not."""
-TICKS = ((1e16, 1e-9), (1e13, 1e-6), (1e10, 1e-3))
-"""Times above these are no seconds of any clock, but nano-, micro- or milliseconds since 1970."""
+TICKS = ((9e17, 1e-9), (9e14, 1e-6), (9e11, 1e-3))
+"""Times of this millennium are above these where they are nano-, micro- or milliseconds since 1970."""
 
 LAYOUTS = (
     "Read are rows of 12 numbers (3x4 matrix, KITTI), 16 (4x4), 7 (tx ty tz and a quaternion), 8 (time or name and "
@@ -100,9 +100,11 @@ def read_trajectory(path: str, quaternion: Order | None = None, key: str = "quat
 
 
 def in_seconds(times: Floats) -> Floats:
-    """Return times (k,) in seconds: nano-, micro- and milliseconds since 1970 are known by their size."""
-    middle = float(np.median(np.abs(times)))
-    return times * next((factor for least, factor in TICKS if middle > least), 1.0)
+    """Return times (k,), nan where unknown, in seconds: other units since 1970 are known by their size."""
+    low, high = float(np.nanmin(times)), float(np.nanmax(times))
+    if not low > 0.5 * high:  # counted from the start: of a unit that its size does not tell
+        return times
+    return times * next((factor for least, factor in TICKS if high > least), 1.0)
 
 
 def check_rotations(matrices: Floats, where: Sequence[str]) -> None:

@@ -73,6 +73,12 @@ def make_bag(path: Path) -> None:
     make.write(path, notes)
 
 
+def make_trajectory(path: Path) -> None:
+    """Write where the robot was at the scans of that bag."""
+    ahead = [(time, pose, angle[len(angle) // 2] / 2) for time, (pose, angle, _) in enumerate(_scans(), start=1)]
+    path.write_text("".join(f"{t} {p[0]} {p[1]} 0 0 0 {np.sin(h)} {np.cos(h)}\n" for t, p, h in ahead))
+
+
 def make_player(path: Path) -> None:
     """Write a log of Player 2.x with every third scan of the demo office, localized twice."""
     lines = []
@@ -222,6 +228,7 @@ MAKERS: tuple[tuple[str, Callable[[Path], None]], ...] = (
     (r"(bitmap|soil|taps)\.csv", make_values),
     (r"(ring|elsewhere)\.csv", make_ring),
     (r"drive\.bag", make_bag),
+    (r"slam\.tum", make_trajectory),
     (r"player\.log", make_player),
     (r"(?!data/).*\.log(\.gz)?|doors\.csv|readings\.csv", make_log),
     (r"(floor|plan|truth)\.geojson", make_plan),

@@ -79,13 +79,19 @@ class Maker:
         stamped = self._new("geometry_msgs/msg/TransformStamped", self.header(time, parent), child, transform)
         return self._new("tf2_msgs/msg/TFMessage", [stamped])
 
-    def odometry(self, time: float, shift: Sequence[float], turn: Sequence[float] = LEVEL, child: str = "") -> Any:
-        zero = self._new("geometry_msgs/msg/Vector3", 0.0, 0.0, 0.0)
-        pose = self._new(
+    def _pose(self, shift: Sequence[float], turn: Sequence[float]) -> Any:
+        return self._new(
             "geometry_msgs/msg/Pose",
             self._new("geometry_msgs/msg/Point", *map(float, shift)),
             self._new("geometry_msgs/msg/Quaternion", *map(float, turn)),
         )
+
+    def pose(self, time: float, shift: Sequence[float], frame: str, turn: Sequence[float] = LEVEL) -> Any:
+        return self._new("geometry_msgs/msg/PoseStamped", self.header(time, frame), self._pose(shift, turn))
+
+    def odometry(self, time: float, shift: Sequence[float], turn: Sequence[float] = LEVEL, child: str = "") -> Any:
+        zero = self._new("geometry_msgs/msg/Vector3", 0.0, 0.0, 0.0)
+        pose = self._pose(shift, turn)
         return self._new(
             "nav_msgs/msg/Odometry",
             self.header(time, "odom"),
@@ -119,6 +125,12 @@ class Maker:
                     topics[note.topic] = writer.add_connection(note.topic, kind, typestore=self.store)
                 writer.write(topics[note.topic], round(note.time * 1e9), self.store.serialize_cdr(note.body, kind))
         return path
+
+
+def scans(
+    make: Maker, *times: float, topic: str = "/scan", ranges: Sequence[float] = (1, 2, 3), **fields: float
+) -> list[Note]:
+    return [Note(topic, START + time, make.scan(START + time, ranges, **fields)) for time in times]
 
 
 def drive(make: Maker, mount: Sequence[float] = LEVEL, shift: Sequence[float] = (0.2, 0.0, 0.3)) -> list[Note]:

@@ -10,7 +10,7 @@ import pytest
 
 from prf.logs import NoReadings, Readings, describe, read_readings
 from prf.shell.errors import ConfigError, InputError, PrfError
-from tests.logs.bags import KINDS, LEVEL, START, UPSIDE_DOWN, Maker, Note, drive, yaw
+from tests.logs.bags import KINDS, LEVEL, START, UPSIDE_DOWN, Maker, Note, drive, scans, yaw
 
 NAN, INF = np.nan, np.inf
 
@@ -23,10 +23,6 @@ def make(request) -> Maker:
 @pytest.fixture
 def make1() -> Maker:
     return Maker("ros1")
-
-
-def scans(make: Maker, *times: float, topic: str = "/scan", ranges=(1, 2, 3), **fields) -> list[Note]:
-    return [Note(topic, START + t, make.scan(START + t, ranges, **fields)) for t in times]
 
 
 def save(make: Maker, folder, notes: list[Note], name: str = "a.bag") -> str:
@@ -139,9 +135,10 @@ class TestTopics:
 
 class TestFrames:
     @pytest.mark.parametrize(
-        ("topic", "choice"), [("/ground_truth", "--frame /ground_truth"), ("/wheels", "--frame odom")]
+        ("topic", "choice"),
+        [("/ground_truth", "'/ground_truth'; --frame can choose odom"), ("/wheels", "'odom', odom")],
     )
-    def test_without_map_the_message_lists_the_choices(self, make, tmp_path, topic, choice):
+    def test_without_map_the_best_frame_is_taken_with_a_warning(self, make, tmp_path, topic, choice):
         odometry = [Note(topic, START + t, make.odometry(START + t, (t, 5, 0))) for t in (0, 1, 2)]
         notes = [
             note
@@ -149,8 +146,14 @@ class TestFrames:
             if not (note.topic == "/tf" and note.body.transforms[0].header.frame_id == "/map")
         ]
         path = save(make, tmp_path, notes + odometry + scans(make, 1))
-        message = refusal(path)
-        for words in ("'map'", "'odom'", topic, f"{choice}."):
+        unasked = read_readings(path)
+        assert f"tf has no frame 'map': poses are those of {choice}" in unasked.notes.warnings[0]
+        assert ("drifts" in unasked.notes.warnings[0]) == (topic == "/wheels")
+        np.testing.assert_array_equal(
+            unasked.origin, read_readings(path, frame="odom" if topic == "/wheels" else topic).origin
+        )
+        message = refusal(path, frame="map")
+        for words in ("'map'", "'odom'", topic, "Leave --frame out"):
             assert words in message
         np.testing.assert_allclose(read_readings(path, frame="odom").origin[0], [1.2, 0], atol=1e-12)
         np.testing.assert_allclose(read_readings(path, frame="/odom").origin[0], [1.2, 0], atol=1e-12)

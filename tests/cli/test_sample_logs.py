@@ -1,0 +1,116 @@
+"""One command makes a useful picture of each kind of log that people have."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from prf.run import read_run
+from tests.cli.calls import call
+from tests.logs.bags import LEVEL, START, Maker, Note, yaw
+from tests.logs.samples import flaser, player, position
+
+WIDTH, DEPTH = 6.0, 4.0
+"""Of a room with its corner in the origin."""
+N_BEAMS = 36
+BEARINGS = np.linspace(-np.pi, np.pi, N_BEAMS, endpoint=False)
+AHEAD = np.linspace(-np.pi / 2, np.pi / 2, N_BEAMS + 1)
+WAY = np.array([(1.0 + 0.8 * k, 1.0 + 0.4 * k, 0.3 * k) for k in range(6)])
+"""Poses of the laser, a second apart."""
+SMALL = (
+    "--steps 10000 --chains 1 --seed 1 --set sampler.start=grid --max-range 20 --scale 0.2 --window -1 -1 7 5 "
+    "--resolution 0.1"
+)
+
+
+def ranges(pose: np.ndarray, bearings: np.ndarray = BEARINGS) -> np.ndarray:
+    """Return the distances to the walls of the room."""
+    ahead = np.stack([np.cos(pose[2] + bearings), np.sin(pose[2] + bearings)])
+    walls = np.array([[0.0, 0.0], [WIDTH, DEPTH]])[:, :, None]
+    with np.errstate(divide="ignore"):
+        return ((walls - pose[:2, None]) / ahead).max(axis=0).min(axis=0).round(4)
+
+
+BEAMS = [(pose, angle, far) for pose in WAY for angle, far in zip(AHEAD, ranges(pose, AHEAD), strict=True)]
+
+
+def carmen(folder: Path, is_right: bool = True) -> str:
+    lines = [flaser(ranges(p, AHEAD), p if is_right else (9 - k, 9, 0), time=k) for k, p in enumerate(WAY)]
+    (folder / "a.log").write_text("".join(lines))
+    return "a.log"
+
+
+def player_log(folder: Path) -> str:
+    lines = []
+    for k, pose in enumerate(WAY):
+        pairs = [field for distance in ranges(pose) for field in (distance, 0)]
+        shot = (k, BEARINGS[0], BEARINGS[-1], BEARINGS[1] - BEARINGS[0], 20.0, N_BEAMS, *pairs)
+        lines += [position(*pose, time=float(k)), player("laser", shot, float(k))]
+    (folder / "a.log").write_text("".join(lines))
+    return "a.log"
+
+
+def table(folder: Path) -> str:
+    rows = [f"{p[0]},{p[1]},{p[2] + a},{r}\n" for p in WAY for a, r in zip(BEARINGS, ranges(p), strict=True)]
+    (folder / "a.csv").write_text("x,y,theta,range\n" + "".join(rows))
+    return "a.csv"
+
+
+def bag(kind: str, top: str) -> Callable[[Path], str]:
+    def write(folder: Path) -> str:
+        make = Maker(kind)
+        step = {"angle_min": BEARINGS[0], "angle_increment": BEARINGS[1] - BEARINGS[0], "range_max": 20.0}
+        notes = [Note("/tf_static", START, make.tf(START, "base_link", "laser", (0.0, 0.0, 0.3), LEVEL))]
+        for k, pose in enumerate(WAY):
+            now = START + k
+            notes.append(Note("/tf", now, make.tf(now, top, "base_link", (*pose[:2], 0.0), yaw(pose[2]))))
+            notes.append(Note("/scan", now, make.scan(now, ranges(pose), **step)))
+        make.write(folder / "a.bag", notes)
+        return "a.bag"
+
+    return write
+
+
+def with_poses(layout: str) -> Callable[[Path], str]:
+    def write(folder: Path) -> str:
+        if layout == "tum":
+            rows = [f"{k} {x} {y} 0 0 0 {np.sin(a / 2)} {np.cos(a / 2)}\n" for k, (x, y, a) in enumerate(WAY)]
+        else:
+            rows = [f"VERTEX_SE2 {k} {x} {y} {a}\n" for k, (x, y, a) in enumerate(WAY)]
+        (folder / "way.txt").write_text("".join(rows))
+        return f"{carmen(folder, is_right=False)} --poses way.txt"
+
+    return write
+
+
+LOGS: dict[str, tuple[Callable[[Path], str], str]] = {
+    "CARMEN": (carmen, ""),
+    "Player": (player_log, ""),
+    "ROS 1": (bag("ros1", "map"), ""),
+    "ROS 1 without map": (bag("ros1", "odom"), "poses are those of 'odom', odometry, which drifts"),
+    "mcap": (bag("mcap", "map"), ""),
+    "sqlite": (bag("sqlite3", "map"), ""),
+    "CSV": (table, ""),
+    "TUM": (with_poses("tum"), "way.txt (TUM, 6 poses) matched by time"),
+    "g2o": (with_poses("g2o"), "way.txt (g2o, 6 poses) matched by order"),
+}
+
+
+@pytest.mark.parametrize("kind", LOGS)
+def test_one_command_makes_a_picture(kind: str, tmp_path: Path) -> None:
+    write, words = LOGS[kind]
+    done = call(f"prf sample --laser {write(tmp_path)} -o run {SMALL}", tmp_path)
+    assert done.code == 0, done.err
+    assert words in done.err
+    assert (tmp_path / "run" / "posterior.png").stat().st_size > 10_000
+    image = read_run(tmp_path / "run").image
+    assert image is not None
+    for share, low, high in ((0.5, 0.0, 0.02), (1.0, 0.7, 1.0)):
+        ends = [
+            p[:2] + (share * r + 0.07 * share) * np.array([np.cos(p[2] + a), np.sin(p[2] + a)]) for p, a, r in BEAMS
+        ]
+        column, row = ((np.array(ends) + 1.0) / 0.1).astype(int).T
+        assert low <= image.occupancy[row, column].mean() <= high, "free half way, a wall where beams end"
