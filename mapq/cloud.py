@@ -19,7 +19,7 @@ SHIFT_ABOVE = 1e4
 """Metres: farther from the origin than this, covariances of float64 squares begin to lose what sensors resolve."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class PointCloud:
     """The points of a map.
 
@@ -76,6 +76,19 @@ class PointCloud:
     def __len__(self) -> int:
         """Return the number of points."""
         return len(self.xyz)
+
+    def __repr__(self) -> str:
+        """Return the cloud in a line."""
+        fields = f" with {', '.join(self.fields)}" if self.fields else ""
+        return f"<mapq.PointCloud: {len(self):,} points{fields}>"
+
+    def _repr_html_(self) -> str:
+        """Return the card that a notebook shows."""
+        from mapq.render import picture_of
+        from prf.shell.notebook import card
+
+        facts = {"points": f"{len(self):,}", "fields": ", ".join(self.fields) or "none", "source": self.source}
+        return card("Point cloud", facts, picture_of(self).png())
 
     def world(self) -> NDArray[np.float64]:
         """Return the coordinates (n, 3) as the file has them, in float64, to the last bit.

@@ -105,13 +105,18 @@ class Result:
         """Probability (n,) that the patch of each point is suspicious; nan where there is none."""
         return np.append(self.probability, np.float32(np.nan))[self.patch].astype(np.float32)
 
-    @property
     def table(self) -> NDArray[np.void]:
-        """A row a patch (m,): `features.nodes`, with label, p_suspicious, difference (nats) and region (-1: none)."""
+        """Return a row a patch (m,), a structured array that ``pandas.DataFrame`` takes.
+
+        Columns are those of `features.nodes`, x, y, z of the middle in world coordinates, label, p_suspicious,
+        difference (nats) and region (-1: none).
+        """
         region = np.full(len(self.patches), -1, np.int32)
         for number, found in enumerate(self.regions):
             region[found.patches] = number
+        middle = self.patches.cloud.world_of(self.patches.centroid)
         columns: dict[str, NDArray[Any]] = {
+            **dict(zip("xyz", middle.T, strict=True)),
             "label": self.label,
             "p_suspicious": self.probability,
             "difference": self.labelling.difference,

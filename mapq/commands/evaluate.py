@@ -64,3 +64,5 @@ def _lines(scores: Scores, truth_from: str) -> Iterator[str]:
         if isinstance(value, float) and (is_verbose() or name not in DETAILS):
             shown = "undefined" if value != value else f"{value:.4f}"
             yield f"{name.replace('_', ' '):<20}{shown}"
+    found = f"{ss} of the {ps + ss} patches that are suspicious were found"
+    yield f"{'verdict':<20}{found}; {sp} of the {pp + sp} plausible ones are false alarms"

@@ -75,8 +75,8 @@ def _lines(found: PatchFeatures, tables: dict[str, Table]) -> Iterator[str]:
     used = found.parameters
     yield f"{'reading':<16}{found.reading}"
     yield f"{'patches':<16}{len(found.node)}"
-    yield f"{'pairs':<16}{len(found.pairs)}, the {used['n_neighbours']} closest of each within {used['radius']:g} m"
-    yield f"{'tau':<16}{used['tau']:g} m"
+    closest = f"the {used['n_neighbours']} closest of each within {used['radius']:g} m, tau {used['tau']:g} m"
+    yield f"{'pairs':<16}{len(found.pairs)}, {closest}"
     yield f"{'noise':<16}{used['noise']:.3g} m"
     for name, table in tables.items():
         yield f"\n{name:<18}{'5 %':>12}{'median':>12}{'95 %':>12}  unit"

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from mapq.commands._options import Topic, Unit
+from mapq.commands._options import Topic, Unit, is_verbose
 from prf.shell.options import Assignments, Json
 
 if TYPE_CHECKING:
@@ -18,6 +18,8 @@ EXAMPLES = (
     "mapq inspect survey.laz --json",
     "mapq inspect scan.bin --set cloud.bin_columns=3",
 )
+MOST_ROWS = 15
+"""Lines that are printed without -v."""
 
 
 def inspect(
@@ -37,7 +39,8 @@ def inspect(
     """Show the contents of a file: a cloud, PATCHES, a RESULT, or a model.
 
     The kind is recognised from the content. Of points it shows extent, fields and spacing (median distance to the
-    nearest neighbour, on a sample); of patches the counts, labels and parameters; of a model its entries.
+    nearest neighbour, on a sample); of patches the counts, labels and parameters; of a model its entries. -v prints all
+    of a long table.
     """
     from mapq.configuration import load_configuration
     from mapq.io.describe import describe
@@ -50,8 +53,11 @@ def inspect(
     else:
         rows = list(_rows(summary))
         width = max(16, *(len(name) + 2 for name, _ in rows))
-        for name, value in rows:
+        shown = rows if is_verbose() or len(rows) <= MOST_ROWS else rows[: MOST_ROWS - 1]
+        for name, value in shown:
             console.emit(f"{name:<{width}}{value}".rstrip())
+        if len(shown) < len(rows):
+            console.emit(f"{'...':<{width}}{len(rows) - len(shown)} more, with -v")
 
 
 def _rows(summary: Description) -> Iterator[tuple[str, str]]:
@@ -61,6 +67,9 @@ def _rows(summary: Description) -> Iterator[tuple[str, str]]:
         yield from _cloud_rows(summary.cloud)
     if summary.patches is not None:
         yield from _patch_rows(summary.patches)
+    if summary.cloud is not None:
+        lines = [_field_line(field) for field in summary.cloud.fields] or ["none"]
+        yield from zip(["fields", *[""] * (len(lines) - 1)], lines, strict=True)
     yield from _flat(summary.content)
 
 
@@ -81,10 +90,6 @@ def _cloud_rows(cloud: CloudSummary) -> Iterator[tuple[str, str]]:
         shift = " ".join(f"{value:.0f}" for value in cloud.shift)
         yield "shift", f"{shift}{' m' if is_metric else ''}, taken off before all work"
     yield "spacing", "unknown" if _is_nan(cloud.spacing) else f"{cloud.spacing:.4g} m, median to the nearest neighbour"
-    for number, field in enumerate(cloud.fields):
-        yield "" if number else "fields", _field_line(field)
-    if not cloud.fields:
-        yield "fields", "none"
 
 
 def _field_line(field: FieldSummary) -> str:

@@ -92,7 +92,7 @@ def _from_field(path: str, name: str, conservative: bool, force: bool, json: boo
     if json:
         jsonout.emit_object("mapq.label/1", {"patches": path, "field": name, **counts._asdict()})
         return
-    for line in _field_lines(counts):
+    for line in (*_field_lines(counts), f"labels          in {path}"):
         console.summarize(line)
 
 
@@ -106,7 +106,7 @@ def _by_hand(path: str, model: str | None, port: int, browser: bool, json: bool)
     if json:
         jsonout.emit_object("mapq.label.hand/1", {"patches": path, **counts._asdict()})
         return
-    for line in _hand_lines(counts):
+    for line in (*_hand_lines(counts), f"labels          in {path}"):
         console.summarize(line)
 
 

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from mapq.commands._options import beside
 from prf.shell.options import Force, Output
 
 logger = logging.getLogger(__name__)
@@ -38,13 +39,14 @@ def report(
 
     The verdict with a histogram of probabilities, plan view and 3D view, regions worst first, and a table of patches. A
     click on a patch, in a view or in the table, shows its features, its label with its probability, and the reasons in
-    words. Of a result in tiles a part of the points is read. Without -o it is report.html in the current folder.
+    words. Of a result in tiles a part of the points is read. Without -o the page is beside RESULT: its name with .html.
     """
     from mapq.report import read_findings, write_report
     from prf.shell.files import STREAM
     from prf.shell.outputs import claim_output
 
-    target = output or "report.html"
+    folder = os.path.isdir(result)
+    target = output or (f"{os.path.normpath(result)}.html" if folder else beside(result, ".html"))
     inputs = [result, os.path.splitext(result)[0] + ".json"]
     claim_output(target, force, inputs=inputs, suffixes=(".html", ".htm"))
     findings = read_findings(result)

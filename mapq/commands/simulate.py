@@ -123,7 +123,6 @@ def _make_city(folder: str, changes: dict[str, Any], seed: int, force: bool, jso
 def _rows(report: Report, output: str, seed: int) -> Iterator[tuple[str, str]]:
     """Yield the table for a person."""
     kinds = ", ".join(f"{n:,} {kind.replace('_', ' ')}" for kind, n in report.points_by_kind.items() if n > 0)
-    yield "map", output
     yield "points", f"{report.points:,}: {kinds}"
     yield "drive", f"{report.path_length:.0f} m in {report.duration:.0f} s, {report.passes} passes"
     yield "final drift", f"{report.final_drift:.2f} m, {report.final_drift_deg:.2f} degrees"
@@ -139,3 +138,4 @@ def _rows(report: Report, output: str, seed: int) -> Iterator[tuple[str, str]]:
         "vertical surfaces",
     )
     yield "seed", str(seed)
+    yield "map", output

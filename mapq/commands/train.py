@@ -21,7 +21,7 @@ EXAMPLES = (
     "mapq train city.patches --set crf.edge_model=none --json -o nodes.model.json",
     "mapq train city.patches --max-false-alarms 2% -o careful.model.json",
 )
-N_IMPORTANT = 4
+N_IMPORTANT = 3
 """Columns of the trees that are listed without -v."""
 SCORES = ("accuracy", "precision", "recall", "mcc", "auc", "ece")
 MORE_SCORES = ("balanced_accuracy", "f1", "log_loss")
@@ -89,7 +89,7 @@ def train(
         jsonout.emit_object(SCHEMA, {**model_content(model), "output": target})
         return
     say = say_beside(target)
-    for name, value in (*_fitted(model), *_held_out(model)):
+    for name, value in (*_fitted(model), *_held_out(model), ("model", target)):
         say(f"{name:<24}{value}")
 
 
@@ -107,6 +107,8 @@ def _fitted(model: Model) -> Iterator[tuple[str, str]]:
         ),
     )
     made = model.training
+    if not is_verbose():
+        return
     yield "regularisation", f"{made['regularisation']:g}, of the coupling {made['coupling_regularisation']:g}"
 
 

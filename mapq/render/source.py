@@ -61,8 +61,10 @@ def read_picture(
     return _picture(points, colour, field)
 
 
-def picture_of(map: Patches | Result) -> Picture:
-    """Return the picture of patches or a result in memory."""
+def picture_of(map: PointCloud | Patches | Result) -> Picture:
+    """Return the picture of a cloud, patches or a result in memory."""
+    if isinstance(map, PointCloud):
+        return _picture(_of_cloud(map, map.source or "arrays"))
     if isinstance(map, Patches):
         return _picture(_of_patches(map, map.cloud.source or "arrays"))
     return _picture(_Points(map.origin.name, map.patches.cloud, map.patch, map.suspicious, map.p_suspicious))
@@ -94,14 +96,17 @@ def _read_points(path: str, options: ReadOptions, field: str | None) -> _Points:
     if isinstance(found, Patches):
         return _of_patches(found, path)
     if isinstance(found, PointCloud):
-        nothing = np.full(len(found), NO_PATCH, np.int32)
-        return _Points(path, found, nothing, np.full(len(found), UNLABELLED, np.uint8))
+        return _of_cloud(found, path)
     if isinstance(found.points, PointCloud):
         return _of_result(found.points, path)
     folder = found.points
     wanted = (*RESULT_FIELDS, *((field,) if field is not None and field in folder.fields else ()))
     points = _of_result(thinned(folder, wanted, MOST_DRAWN), path)
     return points._replace(counts=(folder.n_points, *patch_counts(folder.json, found.content()[0])))
+
+
+def _of_cloud(cloud: PointCloud, name: str) -> _Points:
+    return _Points(name, cloud, np.full(len(cloud), NO_PATCH, np.int32), np.full(len(cloud), UNLABELLED, np.uint8))
 
 
 def _of_patches(patches: Patches, name: str) -> _Points:

@@ -108,9 +108,11 @@ def test_a_result_gives_reasons(result: mapq.Result) -> None:
 
 
 def test_a_table_has_a_row_a_patch(result: mapq.Result) -> None:
-    np.testing.assert_array_equal(result.table["p_suspicious"], result.probability)
-    np.testing.assert_array_equal(result.table["area_m2"], result.features.nodes["area_m2"])
-    np.testing.assert_array_equal(np.flatnonzero(result.table["region"] == 0), np.sort(result.regions[0].patches))
+    table = result.table()
+    assert all(table.dtype[name].shape == () for name in table.dtype.names), "columns of a data frame"
+    np.testing.assert_array_equal(table["p_suspicious"], result.probability)
+    np.testing.assert_array_equal(table["area_m2"], result.features.nodes["area_m2"])
+    np.testing.assert_array_equal(np.flatnonzero(table["region"] == 0), np.sort(result.regions[0].patches))
 
 
 def test_a_result_is_compared_with_the_truth(result: mapq.Result) -> None:
@@ -120,8 +122,10 @@ def test_a_result_is_compared_with_the_truth(result: mapq.Result) -> None:
 
 
 def test_notebooks_show_cards_with_pictures(result: mapq.Result, patches: mapq.Patches) -> None:
+    assert "Point cloud" in patches.cloud._repr_html_()
     for shown in (result, patches):
         assert "data:image/png;base64,iVBOR" in shown._repr_html_()
+        assert len(shown._repr_html_()) < 100_000
         assert len(shown.plot(("plan", "3d")).axes) == 2
     assert "suspicious" in repr(result)
 

@@ -72,7 +72,7 @@ def test_patches(capsys, tmp_path):
     path = str(tmp_path / "a.patches")
     before = patches()
     write_patches(path, before)
-    code, out, err = run(capsys, path)
+    code, out, err = run(capsys, path, "-v")
     assert (code, err) == (0, "")
     rows = rows_of(out)
     assert rows["kind"] == "patches (mapq.patches/1)"

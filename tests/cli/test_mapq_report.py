@@ -16,8 +16,8 @@ def test_a_page_of_its_own(capsys, result, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     code, out, err = call(capsys, "report", result, "--title", "Ours & <yours>")
     assert (code, out) == (0, "")
-    assert "wrote report.html" in err
-    page = (tmp_path / "report.html").read_text()
+    page = result.with_suffix(".html").read_text()
+    assert f"wrote {result.with_suffix('.html')}" in err
     assert "<h1>Ours &amp; &lt;yours&gt;</h1>" in page
     assert call(capsys, "report", result)[0] == 4
     assert call(capsys, "report", result, "-f")[0] == 0

@@ -32,7 +32,7 @@ def test_the_map_and_the_table(tmp_path: Path, capsys: pytest.CaptureFixture[str
     table = capsys.readouterr().out
     assert f"points          {len(cloud):,}: " in table
     assert f"{made.fields['truth'].mean():.1%} of the points" in table
-    assert table.endswith("seed            2\n")
+    assert table.endswith(f"seed            2\nmap             {path}\n")
 
 
 def test_the_same_seed_gives_the_same_bytes(tmp_path: Path) -> None:
