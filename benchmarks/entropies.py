@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from mapq.cloud import PointCloud
-from mapq.perturb.cells import cell_keys
+from mapq.posed.merge import cell_keys
 
 THIN = 0.1
 """Metres."""

@@ -34,8 +34,8 @@ from mapq.evaluate import Scores
 from mapq.io.models import read_default_model
 from mapq.model import Model
 from mapq.patches import Patches
-from mapq.perturb import MergeSettings, build
-from mapq.posed import PosedScans
+from mapq.perturb import build
+from mapq.posed import MergeSettings, PosedScans
 
 TEST_SHARE, BUFFER = 0.45, 40.0
 """Of the park, from west to east: of its points that are tested on, and metres between them and the others."""

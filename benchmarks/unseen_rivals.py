@@ -24,7 +24,7 @@ from mapq.features import FeatureSettings, patch_features
 from mapq.graph import PatchFeatures
 from mapq.io import read_patches, write_patches
 from mapq.patches import SUSPICIOUS, UNLABELLED, Patches
-from mapq.perturb.cells import cell_keys
+from mapq.posed.merge import cell_keys
 
 RADIUS, THIN, ASKED = 0.5, 0.1, 60
 """Metres round a point whose entropy is taken and between points; and points of a patch that are asked."""

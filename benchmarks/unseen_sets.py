@@ -13,8 +13,8 @@ from benchmarks import real_data
 from mapq.cloud import PointCloud
 from mapq.io import read_patches, write_patches
 from mapq.patches import Patches
-from mapq.perturb import MergeSettings, PoseErrors, build, displaced
-from mapq.posed import PosedScans
+from mapq.perturb import PoseErrors, build, displaced
+from mapq.posed import MergeSettings, PosedScans
 from mapq.segmentation import segment
 
 INDEX = "index.json"

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from prf import __version__ as __version__
 
 if TYPE_CHECKING:
-    from mapq.api import classify, point_cloud, read_cloud, segment, train
+    from mapq.api import classify, point_cloud, read_cloud, read_scans, segment, train
     from mapq.assess import Result
     from mapq.cloud import PointCloud
     from mapq.crf import TrainSettings
@@ -20,11 +20,14 @@ if TYPE_CHECKING:
     from mapq.io.patches import read_patches
     from mapq.model import Model
     from mapq.patches import Patches
+    from mapq.posed import FindSettings, MergeSettings
     from mapq.segmentation import SegmentSettings
     from prf.shell.errors import PrfError
 
 __all__ = [
     "FeatureSettings",
+    "FindSettings",
+    "MergeSettings",
     "Model",
     "Patches",
     "PointCloud",
@@ -38,12 +41,13 @@ __all__ = [
     "read_cloud",
     "read_model",
     "read_patches",
+    "read_scans",
     "segment",
     "train",
 ]
 
 _HOMES = {
-    "mapq.api": ("classify", "point_cloud", "read_cloud", "segment", "train"),
+    "mapq.api": ("classify", "point_cloud", "read_cloud", "read_scans", "segment", "train"),
     "mapq.assess": ("Result",),
     "mapq.cloud": ("PointCloud",),
     "mapq.crf": ("TrainSettings",),
@@ -53,6 +57,7 @@ _HOMES = {
     "mapq.io.patches": ("read_patches",),
     "mapq.model": ("Model",),
     "mapq.patches": ("Patches",),
+    "mapq.posed": ("FindSettings", "MergeSettings"),
     "mapq.segmentation": ("SegmentSettings",),
     "prf.shell.errors": ("PrfError",),
 }

@@ -21,6 +21,7 @@ from mapq.io.models import read_default_model, read_model
 from mapq.io.options import AS_IT_IS, ReadOptions
 from mapq.model import Model
 from mapq.patches import Patches
+from mapq.posed import FindSettings, MergeSettings, find_scans, merge_scans
 from mapq.segmentation import STAGES, SegmentSettings
 from mapq.segmentation import segment as cut
 from prf.shell.errors import ArgumentError, UsageError
@@ -47,6 +48,51 @@ def read_cloud(path: Path, options: ReadOptions = AS_IT_IS) -> PointCloud:
         If the file is missing, damaged or of another format, or has no finite point.
     """
     return cloud_files.read_cloud(os.fspath(path), options)
+
+
+def read_scans(
+    scans: Path | Sequence[Path],
+    poses: Path | None = None,
+    *,
+    every: int = 1,
+    find: FindSettings | None = None,
+    merging: MergeSettings | None = None,
+    progress: bool | ProgressCallback = True,
+) -> PointCloud:
+    """Merge posed scans to one cloud that knows which scan saw each point, when and from where.
+
+    Parameters
+    ----------
+    scans : path or sequence of paths
+        A folder, or files: all formats of docs/clouds.md.
+    poses : path, optional
+        File of poses; None: the one beside the scans, or those that scans carry themselves.
+    every : int
+        Take scans 0, every, 2 every and so on.
+    find : FindSettings, optional
+        Camera calibration, pattern of names, order of quaternions, frame of the points.
+    merging : MergeSettings, optional
+        Thinning and ranges.
+    progress : bool or callable
+        As :func:`segment`.
+
+    Returns
+    -------
+    PointCloud
+        World coordinates in metres, with fields `scan`, `time` (where known), `pass_id` and `to_sensor_x/y/z`.
+
+    Raises
+    ------
+    InputError
+        If scans or poses are missing, cannot be read, or do not fit.
+    """
+    chosen = find or FindSettings()
+    if poses is not None:
+        chosen = replace(chosen, poses=os.fspath(poses))
+    names = [scans] if isinstance(scans, str | os.PathLike) else scans
+    posed = find_scans([os.fspath(each) for each in names], chosen).every(every)
+    with reported(progress, len(posed), "merging scans") as reporter:
+        return merge_scans(posed, merging, reporter.update)
 
 
 def point_cloud(

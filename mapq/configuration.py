@@ -9,6 +9,7 @@ from typing import Any, ClassVar, Literal
 from mapq.crf.settings import TrainSettings
 from mapq.features.settings import CONTEXTS, FeatureSettings
 from mapq.io.options import ReadOptions
+from mapq.posed.merge import MergeSettings
 from mapq.segmentation.settings import SegmentSettings
 from prf.shell.errors import UsageError
 from prf.shell.settings import Loaded, Table, Tree, key, load_options
@@ -55,6 +56,30 @@ class Cloud(Table):
     def options(self) -> ReadOptions:
         """Return what readers take."""
         return ReadOptions(**self.model_dump())
+
+
+class Scans(Table):
+    """How posed scans are read and merged (docs/perturb.md), by segment, classify and perturb."""
+
+    quaternion: Literal["xyzw", "wxyz"] | None = key(
+        None, "", "order of quaternions in poses; xyzw unless the file says"
+    )
+    frame: Literal["sensor", "map"] | None = key(
+        None, "", "frame of the points; map: poses only say where the sensor was; sensor unless VIEWPOINT says"
+    )
+    voxel: float | None = key(None, "m", "one point of a scan is kept in each cube of this side", gt=0)
+    min_range: float | None = key(None, "m", "returns closer to the sensor are dropped", gt=0)
+    max_range: float | None = key(None, "m", "returns farther from the sensor are dropped", gt=0)
+    max_points: int = key(10_000_000, "", "of the map; without voxel more are thinned", ge=1)
+
+    def check(self) -> None:
+        """Refuse ranges in the wrong order."""
+        if (self.min_range or 0.0) >= (self.max_range or math.inf):
+            raise UsageError(f"min_range {self.min_range:g} is not below max_range.")
+
+    def merging(self, submaps: bool) -> MergeSettings:
+        """Return how scans become a map."""
+        return MergeSettings(**self.model_dump(exclude={"quaternion", "frame"}), submaps=submaps)
 
 
 class Features(Table):
@@ -141,12 +166,6 @@ class Simulate(Table):
 class Perturb(Table):
     """How scans become a labelled map (docs/perturb.md), by perturb."""
 
-    quaternion: Literal["xyzw", "wxyz"] | None = key(
-        None, "", "order of quaternions in poses; xyzw unless the file says"
-    )
-    voxel: float | None = key(None, "m", "one point of a scan is kept in each cube of this side", gt=0)
-    min_range: float | None = key(None, "m", "returns closer to the sensor are dropped", gt=0)
-    max_range: float | None = key(None, "m", "returns farther from the sensor are dropped", gt=0)
     suspicious_above: float = key(0.3, "m", "where scans disagree by more they are suspicious", gt=0, le=100)
     plausible_below: float = key(0.1, "m", "where scans disagree by less they are plausible", gt=0, le=100)
     reach: float | None = key(None, "m", "distance along a surface within which scans see the same", gt=0, le=100)
@@ -156,8 +175,6 @@ class Perturb(Table):
         """Refuse bounds in the wrong order."""
         if self.plausible_below > self.suspicious_above:
             raise UsageError(f"plausible_below {self.plausible_below:g} is above suspicious_above.")
-        if (self.min_range or 0.0) >= (self.max_range or math.inf):
-            raise UsageError(f"min_range {self.min_range:g} is not below max_range.")
 
 
 class Configuration(Tree):
@@ -166,6 +183,7 @@ class Configuration(Tree):
     PACKAGE: ClassVar[str] = "mapq"
 
     cloud: Cloud = Cloud()
+    scans: Scans = Scans()
     segment: Segment = Segment()
     features: Features = Features()
     crf: Crf = Crf()

@@ -51,6 +51,27 @@ Unit = Annotated[
 Topic = Annotated[
     str | None, typer.Option("--topic", metavar="NAME", help="Topic of the clouds in a ROS bag.  [the only one]")
 ]
+Poses = Annotated[
+    str | None,
+    typer.Option(
+        "--poses",
+        metavar="FILE",
+        help="Poses of the scans: TUM, KITTI, g2o, graph.txt, JSON or other rows.  [the file beside the scans]",
+    ),
+]
+Calibration = Annotated[
+    str | None,
+    typer.Option(
+        "--calibration",
+        metavar="FILE",
+        help="KITTI's calib.txt; none: poses are the laser's.  [beside the poses]",
+    ),
+]
+Pattern = Annotated[
+    str | None, typer.Option("--scans", metavar="PATTERN", help="Which files of a folder are scans: 'planes_*'.")
+]
+Every = Annotated[int, typer.Option("--every", metavar="K", min=1, help="Take scans 0, K, 2K and so on.")]
+Submaps = Annotated[bool, typer.Option("--submaps", help="Scans are sub-maps of a drive, without a single sensor.")]
 Workers = Annotated[
     int | None,
     typer.Option("--workers", metavar="N", help="Processes that work on tiles of the map side by side.  [1]"),

@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
+import dataclasses
 import logging
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from mapq.commands._options import (
+    Calibration,
     Config,
+    Every,
     MaxFalseAlarms,
     MaxTilt,
     ModelFile,
+    Pattern,
+    Poses,
     Scheduler,
+    Submaps,
     TilePoints,
     Topic,
     Unit,
@@ -24,6 +30,7 @@ from mapq.commands._options import (
     load_model,
     parse_share,
 )
+from mapq.commands._scans import ScanOptions, are_scans, default_name, read_map
 from prf.shell.options import Assignments, Force, Json, Output, Presets
 
 if TYPE_CHECKING:
@@ -35,7 +42,7 @@ if TYPE_CHECKING:
 logger = logging.getLogger(__name__)
 
 EXAMPLES = (
-    "mapq classify map.pcd --model city.model.json --json",
+    "mapq classify scans --poses trajectory.tum",
     "mapq classify survey.laz --preset survey-scanner -o survey.classified.laz",
     "mapq classify city.patches --fail-over 5%",
     "mapq classify city/ -o city.classified/ --workers 8",
@@ -43,12 +50,19 @@ EXAMPLES = (
 
 
 def classify(
-    file: Annotated[
-        str,
+    inputs: Annotated[
+        list[str],
         typer.Argument(
-            metavar="PATCHES|CLOUD", help="PATCHES; or a cloud or folder of LAZ tiles, which is segmented first."
+            metavar="PATCHES|CLOUD|SCANS...",
+            help="PATCHES; or a cloud, a folder of LAZ tiles, or a folder or files of scans with poses: these are "
+            "segmented first.",
         ),
     ],
+    poses: Poses = None,
+    calibration: Calibration = None,
+    pattern: Pattern = None,
+    every: Every = 1,
+    submaps: Submaps = False,
     model: ModelFile = None,
     max_false_alarms: MaxFalseAlarms = None,
     config: Config = None,
@@ -89,7 +103,10 @@ def classify(
     p_suspicious and colours: plausible blue, suspicious red. RESULT.json beside it has the regions of connected
     suspicious patches, worst first, and each patch with reasons in words and the terms behind them. Where points have a
     scan, a time or a pass, each suspicious patch has a cause too: a missed loop closure, or a local mapping error.
-    Default output: the stem of the input + .classified.ply.
+    Default output: the stem of the input, or the folder of the scans, + .classified.ply.
+
+    Scans are merged where their poses put them, and the result knows which scan saw what and from where, by which far
+    more errors are found. E57, PTX, bags, and PCD with VIEWPOINT have poses of their own.
 
     A folder of LAS or LAZ tiles, or any cloud with one of --workers, --scheduler and --tile-points, is worked on tile
     by tile and need not fit into memory. The result of a folder is a folder: tiles of the same names, and result.json.
@@ -101,23 +118,28 @@ def classify(
 
     given: dict[str, object] = {"config": config, "preset": preset, "assignments": assignments, "max_tilt": max_tilt}
     given |= {"unit": unit, "topic": topic, "max_false_alarms": max_false_alarms}
-    chosen = load_configuration(given, "cloud", "segment", "crf")
+    chosen = load_configuration(given, "cloud", "scans", "segment", "crf")
     options = chosen.settings.cloud.options()
+    file, scans = inputs[0], ScanOptions(poses, calibration, pattern, every, submaps)
     limits = fail_over, MIN_COVERAGE if min_coverage is None else min_coverage
     how = {"n_workers": workers, "scheduler": scheduler, "tile_points": tile_points}
     how = {name: value for name, value in how.items() if value is not None}
-    if how or _is_folder_of_tiles(file):
+    if are_scans(inputs, scans):
+        _refuse_tiles(how)
+        target = output or default_name(inputs, scans, ".classified.ply")
+        result = _classify_scans(inputs, scans, target, model, chosen, force)
+        result.save(target, fail_over=limits[0], min_coverage=limits[1], force=True)
+    elif how or _is_folder_of_tiles(file):
         target = output or _tiled_target(file)
         result = _classify_tiles(file, target, model, chosen, options, how, limits, force)
     else:
         target = output or beside(file if file != "-" else "map", ".classified.ply")
-        inputs = [file, model, config]
-        result = _classify(inputs, target, chosen, options, bool(preset), force)
+        result = _classify([file, model, config], target, chosen, options, bool(preset), force)
         result.save(target, fail_over=limits[0], min_coverage=limits[1], force=True)
     if json:
         jsonout.emit_pieces(result_lines({"output": target, **result.head(*limits)}, result.patch_rows()))
     else:
-        for line in _lines(result, target):
+        for line in _lines(result, target, limits):
             console.summarize(line)
     _check(file, result, limits)
 
@@ -157,6 +179,37 @@ def _classify(
         sources=sources_of(chosen, "segment"),
         options=options,
     )
+
+
+def _classify_scans(
+    inputs: list[str], scans: ScanOptions, target: str, model: str | None, chosen: Loaded[Configuration], force: bool
+) -> Result:
+    """Merge scans, and classify their map."""
+    from mapq.api import classify as label
+    from mapq.configuration import sources_of
+    from mapq.io.results import claim_result, json_beside
+    from prf.shell.outputs import refuse_inputs
+
+    files = [*inputs, *(name for name in (scans.poses, model) if name is not None)]
+    claim_result(target, force)
+    refuse_inputs([target, json_beside(target)], files)
+    result = label(
+        read_map(inputs, scans, chosen.settings),
+        model,
+        max_false_alarms=chosen.settings.crf.max_false_alarms,
+        segmentation=chosen.settings.segment.settings(),
+        sources=sources_of(chosen, "segment"),
+    )
+    return dataclasses.replace(result, origin=result.origin._replace(files=tuple(files)))
+
+
+def _refuse_tiles(how: Mapping[str, Any]) -> None:
+    """Raise UsageError if scans are to be worked on in tiles."""
+    from prf.shell.errors import UsageError
+
+    if how:
+        flag = next(iter(how)).replace("n_", "").replace("_", "-")
+        raise UsageError(f"scans are merged in memory, not in tiles. Leave --{flag} out; --every K takes fewer scans.")
 
 
 def _classify_tiles(
@@ -232,23 +285,9 @@ def _check(file: str, result: Result, limits: tuple[float | None, float]) -> Non
     )
 
 
-def _lines(result: Result, target: str) -> Iterator[str]:
-    """Yield the table for a person, the verdict last; -v lists more regions, patches and reasons."""
+def _lines(result: Result, target: str, limits: tuple[float | None, float]) -> Iterator[str]:
+    """Yield the summary for a person, the verdict last; -v lists more regions, patches and reasons."""
     n_regions, n_worst, n_reasons = (5, 10, 3) if is_verbose() else (3, 1, 2)
-    counts = result.counts
-    judged = "an unknown share of the surface: other planes were not counted"
-    if counts["coverage"] == counts["coverage"]:
-        judged = f"{counts['coverage']:.1%} of the surface: of the points on planes of any tilt"
-    yield f"judged          {judged}"
-    inside = f"{counts['n_points_suspicious']:,} of {counts['n_points_in_patches']:,} in patches suspicious"
-    yield f"points          {inside}{_percent(counts, 'points')}; {counts['n_points']:,} in all"
-    if result.scans_apart == result.scans_apart:
-        apart = f"{result.scans_apart:.3f} m in the median, {result.disagreement:.3f} m in the mean"
-        yield f"scans disagree  {apart}, over the area that several saw"
-    areas = result.area_by_cause()
-    if result.visits is not None and any(areas.values()):
-        named = ", ".join(f"{name} {area / sum(areas.values()):.0%}" for name, area in areas.items() if area)
-        yield f"causes          {named} of the suspicious area"
     if result.regions:
         shown = "" if len(result.regions) <= n_regions else f", the worst {n_regions}"
         yield f"regions         {len(result.regions)} of connected suspicious patches{shown}:"
@@ -259,10 +298,35 @@ def _lines(result: Result, target: str) -> Iterator[str]:
         yield "most certainly suspicious, with reasons (log-odds):"
     for patch in worst:
         yield from _patch_lines(result, patch, n_reasons)
-    yield f"patches         {counts['n_suspicious']} of {counts['n_patches']} suspicious{_percent(counts, 'patches')}"
-    area = f"{counts['area_suspicious_m2']:.1f} of {counts['area_m2']:.1f} m2 suspicious{_percent(counts, 'area')}"
-    yield f"area            {area}"
+    areas = result.area_by_cause()
+    if result.visits is not None and any(areas.values()):
+        named = ", ".join(f"{name} {area / sum(areas.values()):.0%}" for name, area in areas.items() if area)
+        yield f"causes          {named} of the suspicious area"
+    if result.scans_apart == result.scans_apart:
+        apart = f"{result.scans_apart:.3f} m in the median, {result.disagreement:.3f} m in the mean"
+        yield f"scans disagree  {apart}, over the area that several saw"
+    yield f"judged          {_judged(result)}"
+    yield f"verdict         {_verdict(result, limits)}"
     yield f"result          {target} and .json"
+
+
+def _judged(result: Result) -> str:
+    """Return how much of the surface could be judged."""
+    counts, tilt = result.counts, result.patches.parameters.get("max_tilt", 90.0)
+    share = "a share that is not known" if counts["coverage"] != counts["coverage"] else f"{counts['coverage']:.1%}"
+    which = "" if tilt >= 90.0 else f": those within {tilt:g} degrees of vertical, so no floors or ceilings"
+    return f"{share} of the points on planes{which}"
+
+
+def _verdict(result: Result, limits: tuple[float | None, float]) -> str:
+    """Return how much of what was judged is suspicious, and whether the map passes."""
+    counts, passed = result.counts, result.verdict(*limits)["passed"]
+    answer = "" if passed is None else ": the map passes" if passed else ": the map does not pass"
+    patches = f"{counts['n_suspicious']} of {counts['n_patches']} patches"
+    if not counts["n_patches"]:
+        return f"nothing was judged, {patches}{answer}"
+    area = f"{counts['area_suspicious_m2']:.1f} of {counts['area_m2']:.1f} m2"
+    return f"{counts['share_of_area']:.1%} of the area judged is suspicious ({area}, {patches}){answer}"
 
 
 def _region(result: Result, region: Region) -> str:
@@ -286,8 +350,3 @@ def _patch_lines(result: Result, patch: int, n_reasons: int) -> Iterator[str]:
         yield f"      {reason.log_odds:+.2f}  {reason.text}"
     if result.visits is not None:
         yield f"      cause  {result.causes[patch].kind}: {result.causes[patch].text}"
-
-
-def _percent(counts: dict[str, Any], of: str) -> str:
-    share = counts[f"share_of_{of}"]
-    return "" if share != share else f" ({share:.1%})"

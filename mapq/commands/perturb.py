@@ -8,7 +8,8 @@ from typing import Annotated, Any
 
 import typer
 
-from mapq.commands._options import Config
+from mapq.commands._options import Calibration, Config, Every, Pattern, Poses, Submaps
+from mapq.commands._scans import ScanOptions, find_settings
 from prf.shell.options import Assignments, Force, Json, Output, Seed
 
 logger = logging.getLogger(__name__)
@@ -24,25 +25,14 @@ def perturb(
     scans: Annotated[
         list[str], typer.Argument(metavar="SCANS...", help="A folder of scans, an E57 file, or the files of the scans.")
     ],
-    poses: Annotated[
-        str | None, typer.Option("--poses", metavar="FILE", help="Poses of the scans.  [the file beside the scans]")
-    ] = None,
+    poses: Poses = None,
     reference: Annotated[
         str | None, typer.Option("--reference", metavar="FILE", help="The right poses, which show what is displaced.")
     ] = None,
-    pattern: Annotated[
-        str | None, typer.Option("--scans", metavar="PATTERN", help="Which files of a folder are scans: 'planes_*'.")
-    ] = None,
-    calibration: Annotated[
-        str | None,
-        typer.Option(
-            "--calibration", metavar="FILE", help="KITTI's calib.txt; none: poses are the laser's.  [beside the poses]"
-        ),
-    ] = None,
-    every: Annotated[int, typer.Option("--every", metavar="K", min=1, help="Take scans 0, K, 2K and so on.")] = 1,
-    submaps: Annotated[
-        bool, typer.Option("--submaps", help="Scans are sub-maps of a drive, without a single sensor.")
-    ] = False,
+    pattern: Pattern = None,
+    calibration: Calibration = None,
+    every: Every = 1,
+    submaps: Submaps = False,
     offset: Annotated[
         float, typer.Option("--offset", metavar="METRES", help="Displace every scan but the first by this.")
     ] = 0.0,
@@ -69,34 +59,34 @@ def perturb(
     Point field `suspicious` is 1 where scans that see the same surface disagree along its normal, 0 where they agree or
     one alone saw it, 255 where that is ambiguous or unknown. With errors the given poses are the right ones; else
     --reference has them, or, without it, small pieces of the scans are registered to each other. The table [perturb] of
-    the settings has the bounds of both labels, ranges and thinning.
+    the settings has the bounds of both labels, [scans] ranges and thinning.
     """
     from dataclasses import asdict
 
     from mapq.configuration import load_configuration
-    from mapq.perturb import MergeSettings, PoseErrors, Rule, build
+    from mapq.perturb import PoseErrors, Rule, build
     from mapq.perturb.files import SCHEMA, target_files, write_map
-    from mapq.posed import FindSettings, find_scans, replace_poses
+    from mapq.posed import find_scans, replace_poses
     from prf.shell import console, jsonout
     from prf.shell.outputs import refuse_inputs
     from prf.shell.progress import progress
     from prf.shell.seeds import resolve_seed
 
-    loaded = load_configuration({"config": config, "assignments": assignments}, "perturb", "cloud").settings
+    loaded = load_configuration({"config": config, "assignments": assignments}, "perturb", "scans", "cloud").settings
     chosen = loaded.perturb
-    find = FindSettings(poses, calibration, pattern, chosen.quaternion, loaded.cloud.options())
+    find = find_settings(ScanOptions(poses, calibration, pattern, every, submaps), loaded)
     posed = find_scans(scans, find)
-    targets = target_files(output, force)
-    refuse_inputs(targets, [*posed.names, poses, reference, calibration])
-    errors = PoseErrors(offset, yaw, drift, missed_loop)
-    rule = Rule(chosen.suspicious_above, chosen.plausible_below, chosen.reach, chosen.search)
-    settings = MergeSettings(chosen.voxel, chosen.min_range, chosen.max_range, submaps)
+    targets, errors = target_files(output, force), PoseErrors(offset, yaw, drift, missed_loop)
     errors.check()
+    refuse_inputs(targets, [*posed.names, poses, reference, calibration])
+    rule = Rule(chosen.suspicious_above, chosen.plausible_below, chosen.reach, chosen.search)
+    settings = loaded.scans.merging(submaps)
     right = replace_poses(posed, reference, find).every(every).poses if reference else None
     used_seed = None if errors.is_none else resolve_seed(seed)
     if errors.is_none and right is None:
         logger.info("no poses are known to be right: every scan is registered to those near it, piece by piece, which")
-        logger.info("takes a while. If these poses are right, give the same file as --reference too.")
+        logger.info("takes a while. If these poses are right, give the same file as --reference too; without labels")
+        logger.info("mapq classify takes the scans as they are.")
     with progress(1.0, "merging and comparing scans") as bar:
         built = build(posed.every(every), errors, rule, settings, right, used_seed or 0, bar.update)
     head = {"seed": used_seed, "errors": asdict(errors), "rule": asdict(rule), "merging": asdict(settings)}
@@ -125,8 +115,8 @@ def _lines(report: Mapping[str, Any], beside: str) -> Iterator[str]:
         count = report[f"n_{name}"]
         yield f"{name.replace('_', ' '):<16}{count:,} points ({count / n_points:.1%}): {words}"
     yield f"{'disagreement':<16}{report['largest_disagreement']:.2f} m at most"
-    for row in report["files"]:
-        yield f"{'map':<16}{row['path']}: {row['n_points']:,} points, {row['n_suspicious']:,} suspicious"
-    yield f"{'report':<16}{beside}"
     if report["seed"] is not None:
         yield f"{'seed':<16}{report['seed']}"
+    yield f"{'report':<16}{beside}"
+    for row in report["files"]:
+        yield f"{'map':<16}{row['path']}: {row['n_points']:,} points, {row['n_suspicious']:,} suspicious"

@@ -8,7 +8,19 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mapq.commands._options import Config, MaxTilt, Topic, Unit, beside, is_verbose
+from mapq.commands._options import (
+    Calibration,
+    Config,
+    Every,
+    MaxTilt,
+    Pattern,
+    Poses,
+    Submaps,
+    Topic,
+    Unit,
+    is_verbose,
+)
+from mapq.commands._scans import ScanOptions, are_scans, default_name, read_map
 from prf.shell.options import Assignments, Force, Json, Output, Presets
 
 if TYPE_CHECKING:
@@ -17,16 +29,26 @@ if TYPE_CHECKING:
 EXAMPLES = (
     "mapq segment map.ply",
     "mapq segment map.pcd -o walls.patches --max-tilt 15 --json",
+    "mapq segment scans --poses trajectory.tum",
     "mapq segment survey.laz --preset survey-scanner --set segment.min_points=100",
 )
 LENGTHS = ("resolution", "noise", "max_distance", "max_gap", "min_extent")
 
 
 def segment(
-    cloud: Annotated[
-        str,
-        typer.Argument(metavar="CLOUD", help="PLY, PCD, LAS/LAZ, E57, PTX, XYZ, CSV, .npy, .npz, .3d, .bin, ROS bag."),
+    clouds: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="CLOUD|SCANS...",
+            help="PLY, PCD, LAS/LAZ, E57, PTX, XYZ, CSV, .npy, .npz, .3d, .bin, ROS bag; or a folder or files of scans "
+            "with poses.",
+        ),
     ],
+    poses: Poses = None,
+    calibration: Calibration = None,
+    pattern: Pattern = None,
+    every: Every = 1,
+    submaps: Submaps = False,
     output: Output = None,
     config: Config = None,
     preset: Presets = None,
@@ -40,8 +62,9 @@ def segment(
     """Cut a cloud into plane patches by region growing.
 
     Lengths and angles that are not given are estimated from the spacing and the noise of the points, and printed. The
-    patches do not depend on the order of the points. Default output: the stem of CLOUD + .patches. Maps that do not fit
-    into memory are input of mapq classify itself.
+    patches do not depend on the order of the points. Scans are merged where their poses put them. Default output: the
+    stem of CLOUD, or the folder of the scans, + .patches. Maps that do not fit into memory are input of mapq classify
+    itself.
     """
     from mapq.api import read_cloud
     from mapq.api import segment as cut
@@ -52,32 +75,37 @@ def segment(
     from prf.shell.console import say_beside
     from prf.shell.outputs import claim_output
 
-    target = output or _default_target(cloud)
-    claim_output(target, force, inputs=[cloud, config], suffixes=(".patches", ".npz"), json=json)
+    given_scans = ScanOptions(poses, calibration, pattern, every, submaps)
+    target = output or _default_target(clouds, given_scans)
+    claim_output(target, force, inputs=[*clouds, poses, config], suffixes=(".patches", ".npz"), json=json)
     given: dict[str, object] = {"config": config, "preset": preset, "assignments": assignments, "max_tilt": max_tilt}
     given |= {"unit": unit, "topic": topic}
-    chosen = load_configuration(given, "cloud", "segment")
-    patches = cut(read_cloud(cloud, chosen.settings.cloud.options()), chosen.settings.segment.settings())
+    chosen = load_configuration(given, "cloud", "scans", "segment")
+    if are_scans(clouds, given_scans):
+        cloud = read_map(clouds, given_scans, chosen.settings)
+    else:
+        cloud = read_cloud(clouds[0], chosen.settings.cloud.options())
+    patches = cut(cloud, chosen.settings.segment.settings())
     report = {**patches.report, "area": float(measure_shapes(patches).area.sum())}
     patches = dataclasses.replace(patches, report={**report, "sources": sources_of(chosen, "segment")})
     write_patches(target, patches)
     if json:
-        content = {"cloud": cloud, "output": target, "parameters": patches.parameters, "report": report}
+        content = {"cloud": " ".join(clouds), "output": target, "parameters": patches.parameters, "report": report}
         jsonout.emit_object("mapq.segment/1", {**content, "n_points": patches.counts})
         return
     # Standard output belongs to the patches if they are written there.
     say = say_beside(target)
-    for name, value in _rows(cloud, target, patches):
+    for name, value in _rows(cloud.source, target, patches):
         say(f"{name:<16}{value}")
 
 
-def _default_target(cloud: str) -> str:
+def _default_target(clouds: list[str], scans: ScanOptions) -> str:
     from prf.shell.errors import UsageError
     from prf.shell.files import STREAM
 
-    if cloud == STREAM:
+    if clouds == [STREAM]:
         raise UsageError("a cloud from standard input has no name to put .patches to. Name the output with -o.")
-    return beside(cloud, ".patches")
+    return default_name(clouds, scans, ".patches")
 
 
 def _rows(cloud: str, target: str, patches: Patches) -> Iterator[tuple[str, object]]:

@@ -13,7 +13,16 @@ from numpy.typing import NDArray
 
 from mapq.cloud import PointCloud
 from mapq.io.content import ACCEPTED, Content
-from mapq.io.fields import Array, axes_of, cloud_of_world, joined_fields, refuse_doubles
+from mapq.io.fields import (
+    TIME,
+    Array,
+    axes_of,
+    cloud_of_world,
+    fields_of_scans,
+    joined_fields,
+    original_names,
+    refuse_doubles,
+)
 from mapq.io.options import ReadOptions
 from prf.shell.bag import Bag, Message, bag_in, open_bag, seconds
 from prf.shell.errors import ConfigError, InputError
@@ -43,7 +52,8 @@ def read_bag(content: Content, options: ReadOptions) -> PointCloud:
 
     A single message, and messages in the frame of the map, are taken as they are; others by tf into the frame of the
     map, each at its time. A message that repeats the one before, as a map that is published again and again, counts
-    once. Where there are several the field `scan` numbers them.
+    once. Where there are several the field `scan` numbers them, `time` has their times, and
+    `to_sensor_x/y/z` lead to where the sensor was.
     """
     source = content.source
     with _bag_path(content) as path, open_bag(path, source) as bag:
@@ -62,8 +72,14 @@ def read_bag(content: Content, options: ReadOptions) -> PointCloud:
             "%s: %d of %d messages lie outside the time of the transforms: left out", source, n_lost, len(scans)
         )
     placed = [_placed(scans[row].points, poses, row, unit) for row in rows]
-    fields = joined_fields([scans[row].fields for row in rows], list(map(len, placed)), source)
-    return cloud_of_world(np.concatenate(placed), fields, source, unit)
+    counts, world = list(map(len, placed)), np.concatenate(placed)
+    fields = joined_fields([scans[row].fields for row in rows], counts, source)
+    if len(rows) > 1:
+        fields = original_names(fields, (TIME,))  # points may have times of their own, within a turn of the laser
+        fields[TIME] = np.repeat([scans[row].time for row in rows], counts)
+    if poses is not None:
+        fields |= fields_of_scans(world, poses.shift[rows] / unit, counts, unit)
+    return cloud_of_world(world, fields, source, unit)
 
 
 @contextmanager
@@ -80,7 +96,9 @@ def _topic(bag: Bag, named: str | None) -> str:
     """Return the topic to read."""
     topics = bag.of_type(CLOUD)
     if not topics:
-        raise InputError(f"{bag.source}: no {CLOUD} messages. The bag has {bag.contents}.")
+        is_log = bag.of_type("sensor_msgs/msg/LaserScan", "sensor_msgs/msg/Range")
+        advice = " prf makes maps of laser scans: prf info FILE." if is_log else ""
+        raise InputError(f"{bag.source}: no {CLOUD} messages. The bag has {bag.contents}.{advice}")
     if named is None:
         if len(topics) > 1:
             raise ConfigError(f"{bag.source}: several topics of clouds, {', '.join(topics)}. Choose one with --topic.")

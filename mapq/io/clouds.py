@@ -71,6 +71,7 @@ HEADERS = {
 }
 """Formats that need a header, by their suffix."""
 
+_LOG_2D = re.compile(rb"(?m)^(?:## Player version|(?:FLASER|RLASER|ROBOTLASER\d|SONAR|ODOM|PARAM|Odometry)[ \t])")
 _PCD = re.compile(rb"\A(?:[ \t\r]*(?:#[^\n]*)?\n)*[ \t]*(?:VERSION[ \t]+\.?\d|(?:FIELDS|COLUMNS)[ \t])")
 _PTX = re.compile(rb"\A\s*\d+\s*\n\s*\d+\s*\n(?:[ \t]*\S+[ \t]+\S+[ \t]+\S+\s*\n){4}")
 
@@ -145,6 +146,8 @@ def _unreadable(head: bytes, suffix: str) -> str | None:
     """Return what content without a known magic number looks like, None for text that may be points."""
     if not head.strip():
         return "the file is empty"
+    if _LOG_2D.search(head):
+        return "this is a log of a 2D laser or sonar, of which prf makes maps: prf info FILE"
     for magic, name in REFUSED:
         if head.startswith(magic):
             return f"this is {name}"

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from mapq.cloud import PointCloud
 from mapq.io.content import Content
-from mapq.io.fields import LARGEST_COORDINATE, Array, cloud_of_world, joined_fields, warn_dropped
+from mapq.io.fields import LARGEST_COORDINATE, Array, cloud_of_world, fields_of_scans, joined_fields, warn_dropped
 from mapq.io.options import ReadOptions
 from prf.shell.errors import InputError
 from prf.shell.extras import require
@@ -32,7 +32,7 @@ INTEGERS = tuple((code, np.iinfo(code)) for code in "bBhHq")
 def read_e57(content: Content, options: ReadOptions) -> PointCloud:
     """Return all scans of an E57 file in its frame: poses applied, points that are marked invalid dropped.
 
-    Where there are several scans the field `scan` numbers them.
+    Where there are several scans the field `scan` numbers them, and `to_sensor_x/y/z` lead to their places.
     """
     source = content.source
     with content.file() as path:
@@ -43,7 +43,9 @@ def read_e57(content: Content, options: ReadOptions) -> PointCloud:
     world = np.concatenate(
         [points @ pose[:3, :3].T + pose[:3, 3] for pose, (points, _) in zip(poses, parts, strict=True)]
     )
-    fields = joined_fields([columns for _, columns in parts], [len(points) for points, _ in parts], source)
+    counts = [len(points) for points, _ in parts]
+    fields = joined_fields([columns for _, columns in parts], counts, source)
+    fields |= fields_of_scans(world, poses[:, :3, 3], counts)
     return cloud_of_world(world, fields, source, options.unit or 1.0)
 
 

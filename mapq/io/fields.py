@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mapq.axes import TO_SENSOR
 from mapq.cloud import PointCloud
 from prf.shell.errors import InputError
 
@@ -26,8 +27,8 @@ LARGEST_COORDINATE = 1e9
 NUMBERS = "iuf"
 """Kinds of numpy type that can be coordinates: integers and floating point."""
 
-SCAN = "scan"
-"""Field that numbers the scans of a file with several."""
+SCAN, TIME = "scan", "time"
+"""Fields that number the scans of a file with several, and have their times in seconds."""
 
 ORIGINAL = "original_"
 """Prefix of a cloud's own fields whose names a result needs."""
@@ -38,6 +39,8 @@ def axes_of(names: Sequence[str], source: str) -> tuple[str, str, str]:
     for axes in AXES:
         if set(axes) <= set(names):
             return axes
+    if "range" in names:
+        raise InputError(f"{source}: a table of 2D readings, of which prf makes maps: prf info FILE.")
     raise InputError(
         f"{source}: no fields x, y, z; there are {_listed(names) or 'none'}. Rename the coordinates to x, y, z."
     )
@@ -142,6 +145,21 @@ def common_fields(parts: Sequence[Mapping[str, Array]], source: str) -> dict[str
             dropped.append(name)
     warn_dropped(dropped, source, "not alike in every scan")
     return fields
+
+
+def to_sensor_fields(world: Array, sensor: Array, unit: float = 1.0) -> dict[str, Array]:
+    """Return the way from places (n, 3) to their sensors (n, 3), both in units of so many metres, as point fields.
+
+    A difference in metres, so that large coordinates lose nothing in single precision.
+    """
+    return dict(zip(TO_SENSOR, ((sensor - world) * unit).astype(np.float32).T, strict=True))
+
+
+def fields_of_scans(world: Array, places: Array, counts: Sequence[int], unit: float = 1.0) -> dict[str, Array]:
+    """Return the way to the sensor of points (n, 3) of scans with so many, taken at places (k, 3), if these differ."""
+    if not np.ptp(places, axis=0).any():
+        return {}
+    return to_sensor_fields(world, np.repeat(places, counts, axis=0), unit)
 
 
 def original_names(fields: Mapping[str, Array], needed: Collection[str]) -> dict[str, Array]:

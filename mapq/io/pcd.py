@@ -10,9 +10,11 @@ import struct
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from mapq.cloud import PointCloud
-from mapq.io.content import Content
+from mapq.io.content import Content, damage_in_one_line
 from mapq.io.fields import Array, axes_of, columns_of, make_cloud, refuse_doubles
 from mapq.io.options import ReadOptions
 from mapq.io.text import as_count, parse_rows
@@ -38,7 +40,8 @@ class Header(NamedTuple):
 def read_pcd(content: Content, options: ReadOptions) -> PointCloud:
     """Return the cloud of a PCD file, without padding; a packed ``rgb`` keeps its bits.
 
-    VIEWPOINT is not applied: it is where the sensor was, not a motion of the points.
+    VIEWPOINT is not applied: it is where the sensor was, not a motion of the points. A folder of such files has its
+    poses there (mapq.posed).
     """
     data, source = content.data(), content.source
     header = parse_header(data, source)
@@ -51,6 +54,17 @@ def read_pcd(content: Content, options: ReadOptions) -> PointCloud:
     else:
         fields = _read_compressed(data, header, source)
     return make_cloud({name: fields[name] for name in kept}, source, options.unit or 1.0)
+
+
+def read_viewpoint(content: Content) -> NDArray[np.float64]:
+    """Return the pose (4, 4) of the sensor that a PCD file has as VIEWPOINT; that at the origin if it has none."""
+    words = _entries(content.head, content.source)[0].get("VIEWPOINT") or ["0", "0", "0", "1", "0", "0", "0"]
+    pose = np.eye(4)
+    with damage_in_one_line(f"{content.source}: VIEWPOINT"):
+        pose[:3, 3] = [float(word) for word in words[:3]]
+        w, x, y, z = (float(word) for word in words[3:])
+        pose[:3, :3] = Rotation.from_quat([x, y, z, w]).as_matrix()
+    return pose
 
 
 def parse_header(data: bytes, source: str) -> Header:

@@ -10,7 +10,7 @@ import numpy as np
 
 from mapq.cloud import PointCloud
 from mapq.io.content import Content
-from mapq.io.fields import Array, columns_of, joined_fields, make_cloud
+from mapq.io.fields import Array, columns_of, fields_of_scans, joined_fields, make_cloud
 from mapq.io.options import ReadOptions
 from mapq.io.text import parse_rows
 from prf.shell.errors import InputError
@@ -24,28 +24,36 @@ ROW = [("x", "f8"), ("y", "f8"), ("z", "f8"), ("intensity", "f8"), ("red", "u1")
 
 
 def read_ptx(content: Content, options: ReadOptions) -> PointCloud:
-    """Return the points of all scans in the frame of the file, with `scan` where there are several.
+    """Return the points of all scans in the frame of the file; of several with `scan` and the way to the scanner.
 
     Cells of the grid without a return, written 0 0 0, are dropped.
     """
-    parts = _scans(content.data(), content.source, is_placed=True)
-    fields = joined_fields(parts, [len(part["x"]) for part in parts], content.source)
+    parts, places = _scans(content.data(), content.source, is_placed=True)
+    counts = [len(part["x"]) for part in parts]
+    fields = joined_fields(parts, counts, content.source)
+    fields |= fields_of_scans(np.column_stack([fields[axis] for axis in "xyz"]), places, counts, options.unit or 1.0)
     return make_cloud(fields, content.source, options.unit or 1.0)
 
 
 def read_ptx_scan(content: Content) -> PointCloud:
     """Return the points of a file with one scan in the frame of its scanner, the matrix not applied."""
-    parts = _scans(content.data(), content.source, is_placed=False)
+    parts, _ = _scans(content.data(), content.source, is_placed=False)
     if len(parts) > 1:
         raise InputError(f"{content.source}: {len(parts)} scans in one file, but one pose. Give a file for each scan.")
     return make_cloud(parts[0], content.source)
 
 
-def _scans(data: bytes, source: str, is_placed: bool) -> list[dict[str, Array]]:
-    """Return the fields of each scan, in the frame of the file or in its scanner's."""
+def ptx_pose(content: Content) -> Array:
+    """Return the pose (4, 4) of the first scan of a file."""
+    lines = list(islice(io.BytesIO(content.head), HEADER_LINES))
+    return np.asarray(_head(lines, 1, content.source)[1].T)
+
+
+def _scans(data: bytes, source: str, is_placed: bool) -> tuple[list[dict[str, Array]], Array]:
+    """Return the fields of each scan, in the frame of the file or in its scanner's, and the scanners' places (k, 3)."""
     lines = iter(io.BytesIO(data.rstrip()))
     parts: list[dict[str, Array]] = []
-    line = 1
+    places, line = [], 1
     while head := list(islice(lines, HEADER_LINES)):
         n_cells, matrix = _head(head, line, source)
         line += HEADER_LINES
@@ -60,11 +68,12 @@ def _scans(data: bytes, source: str, is_placed: bool) -> list[dict[str, Array]]:
                 f"again."
             )
         line += n_cells
+        places.append(matrix[3, :3])
         parts.append(_placed(columns_of(rows), matrix if is_placed else np.eye(4)))
     n_empty = line - 1 - sum(HEADER_LINES + len(part["x"]) for part in parts)
     if n_empty:
         logger.info("%s: %d cells without a return are left out", source, n_empty)
-    return parts
+    return parts, np.array(places)
 
 
 def _placed(columns: dict[str, Array], matrix: Array) -> dict[str, Array]:

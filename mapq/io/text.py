@@ -21,6 +21,8 @@ from mapq.io.fields import Array, axes_of, columns_of, make_cloud, refuse_double
 from mapq.io.options import ReadOptions
 from prf.shell.errors import InputError
 
+UNIT_TOL = 1e-3
+"""By how much the length of rows of a rotation may differ from 1."""
 _SLASHES = re.compile(rb"//[^\r\n]*")
 
 
@@ -99,12 +101,22 @@ def read_text(content: Content, options: ReadOptions) -> PointCloud:
     if len(used) < len(fields):
         how["usecols"] = used
     rows = parse_rows(_SLASHES.sub(b"", data[head.offset :]), dtype, source, head.line, **how)
+    if head.names is None and _are_poses(np.column_stack([rows[name] for name in rows.dtype.names or ()])):
+        raise InputError(
+            f"{source}: these are poses, not points. Give the scans too: mapq classify SCANS --poses FILE."
+        )
     if head.n_promised not in (None, len(rows)):
         raise InputError(
             f"{source}: its first line promises {head.n_promised} points, {len(rows)} follow. Copy the file again, or "
             f"remove that line."
         )
     return make_cloud(columns_of(rows), source, options.unit or 1.0)
+
+
+def _are_poses(values: Array) -> bool:
+    """Return whether rows (n, w) end in unit quaternions, or are matrices 3 x 4 of rotations."""
+    sizes = {7: values[:, 3:], 8: values[:, 4:], 12: values[:, :3]}.get(values.shape[1])
+    return sizes is not None and bool((np.abs(np.linalg.norm(sizes, axis=1) - 1.0) < UNIT_TOL).all())
 
 
 def _delimiter_of(row: str) -> str | None:

@@ -3,50 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mapq.cloud import SHIFT_ABOVE, PointCloud
-from mapq.io.fields import original_names
+from mapq.cloud import PointCloud
 from mapq.patches import PLAUSIBLE, SUSPICIOUS, UNLABELLED
 from mapq.perturb.errors import PoseErrors, displaced
 from mapq.perturb.known import Disagreement, find_surfaces, known_disagreement
 from mapq.perturb.label import Rule, label_points
 from mapq.perturb.measure import measured_disagreement
-from mapq.perturb.merge import AT_THE_SENSOR, Merged, merge
 from mapq.posed import PosedScans, drive_passes
+from mapq.posed.merge import Merged, MergeSettings, map_of, merge
 
 Floats = NDArray[np.float64]
 
-ADDED = ("scan", "suspicious", "disagreement", "pass_id", "time", "to_sensor_x", "to_sensor_y", "to_sensor_z")
-"""Fields that a labelled map gets; those of the scans with these names are renamed."""
-
-
-@dataclass(frozen=True)
-class MergeSettings:
-    """How scans become a map.
-
-    Attributes
-    ----------
-    voxel : float or None
-        Metres: of the points of a scan in one cube of this side the first is kept.
-    min_range, max_range : float or None
-        Metres from the sensor.
-    submaps : bool
-        Scans are sub-maps, made of many: they have no single sensor, so no rays, no sides and no passes.
-    """
-
-    voxel: float | None = None
-    min_range: float | None = None
-    max_range: float | None = None
-    submaps: bool = False
-
 
 class Built(NamedTuple):
-    """A labelled map: its points scan by scan with the fields `ADDED` that are known, and a report for JSON."""
+    """A labelled map: its points scan by scan, and a report for JSON."""
 
     cloud: PointCloud
     report: dict[str, Any]
@@ -86,9 +61,7 @@ def build(
         If a scan cannot be read or no point is left.
     """
     errors, rule, settings = errors or PoseErrors(), rule or Rule(), settings or MergeSettings()
-    near = 0.0 if settings.submaps else AT_THE_SENSOR
-    limits = (settings.min_range or near, settings.max_range or np.inf)
-    merged = merge(scans, settings.voxel, limits, lambda done: progress(0.5 * done / len(scans)))
+    merged = merge(scans, settings, lambda done: progress(0.5 * done / len(scans)))
     used = scans.poses if errors.is_none else displaced(scans.poses, errors, seed)
     right = reference if reference is not None or errors.is_none else scans.poses
     sided = not settings.submaps
@@ -104,33 +77,10 @@ def build(
         )
         basis = {"labels_from": "registration"}
     label = label_points(found.metres, rule)
-    cloud = _cloud(merged, used, scans, found, label, settings.submaps)
+    labels: dict[str, NDArray[Any]] = {"suspicious": label, "disagreement": found.metres.astype(np.float32)}
+    cloud = map_of(merged, used, scans, settings, labels)
     progress(1.0)
     return Built(cloud, {**basis, **_counts(merged, found, label), "scans": _rows(scans, merged, used, right)})
-
-
-def _cloud(
-    merged: Merged,
-    used: Floats,
-    scans: PosedScans,
-    found: Disagreement,
-    label: NDArray[np.uint8],
-    submaps: bool,
-) -> PointCloud:
-    """Return the map with its fields."""
-    world = merged.placed(used)
-    fields = original_names(merged.fields, ADDED)
-    fields["scan"] = merged.scan
-    fields["suspicious"] = label
-    fields["disagreement"] = found.metres.astype(np.float32)
-    if scans.times is not None:
-        fields["time"] = scans.times[merged.scan]
-    if not submaps:
-        fields["pass_id"] = drive_passes(scans.poses)[merged.scan]
-        ray = (used[merged.scan, :3, 3] - world).astype(np.float32)
-        fields |= {f"to_sensor_{axis}": ray[:, number] for number, axis in enumerate("xyz")}
-    narrow = np.abs(world).max() < SHIFT_ABOVE
-    return PointCloud.from_world(world.astype(np.float32) if narrow else world, fields, scans.source)
 
 
 def _counts(merged: Merged, found: Disagreement, label: NDArray[np.uint8]) -> dict[str, Any]:

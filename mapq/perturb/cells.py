@@ -1,4 +1,4 @@
-"""Cubes of space as one number each, and the planes round them."""
+"""Planes round the cubes of space that hold points."""
 
 from __future__ import annotations
 
@@ -9,12 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from prf.shell.errors import InputError
-
 Floats = NDArray[np.float64]
 
-BITS = 21
-"""Of the number of a cell along each axis."""
 NEIGHBOURS = 24
 """Cells whose means make the plane of a cell, itself included."""
 TRIED = (*combinations(range(1, 6), 2), *product((1, 3), (7, 10, 13, 17, 21)))
@@ -29,17 +25,6 @@ LEAST_SINE = 0.05
 LEAST_WIDTH = 0.05
 """Middle variance by the largest: below it neighbours are one scan line, which lies in many planes."""
 CHUNK = 20_000
-
-
-def cell_keys(xyz: Floats, side: float, source: str = "the map") -> NDArray[np.int64]:
-    """Return a number (n,) for the cube of this side in which each point (n, 3) lies; equal for points of one cube."""
-    if len(xyz) == 0:
-        return np.zeros(0, np.int64)
-    index = np.floor(xyz / side).astype(np.int64)
-    index -= index.min(axis=0)
-    if index.max() >= 1 << BITS:
-        raise InputError(f"{source}: {np.ptp(xyz, axis=0).max():.3g} m wide, too much for cells of {side:g} m.")
-    return np.asarray((index[:, 0] << 2 * BITS) | (index[:, 1] << BITS) | index[:, 2])
 
 
 class Planes(NamedTuple):

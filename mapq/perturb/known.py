@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
-from mapq.perturb.cells import cell_keys, mean_of, planes_round
-from mapq.perturb.merge import Merged
+from mapq.perturb.cells import mean_of, planes_round
+from mapq.posed.merge import Merged, cell_keys
 
 Floats = NDArray[np.float64]
 

@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from mapq.perturb.cells import cell_keys, mean_of, planes_round
+from mapq.perturb.cells import mean_of, planes_round
 from mapq.perturb.known import Disagreement
-from mapq.perturb.merge import Merged
 from mapq.perturb.register import Piece, Sheet, lies_on, register
+from mapq.posed.merge import Merged, cell_keys
 
 Floats = NDArray[np.float64]
 

@@ -15,8 +15,10 @@ UOS_SUFFIX, E57_SUFFIX = ".3d", ".e57"
 SCAN_SUFFIXES = (".bin", ".pcd", ".ply", ".xyz", ".npy", ".npz", ".las", ".laz", ".ptx", UOS_SUFFIX, E57_SUFFIX)
 POSE_NAME = re.compile(r"(pose|traj|graph|odometry).*\.(txt|json|csv|tum|g2o)$", re.IGNORECASE)
 """Names that files of poses have; ``graph.txt`` is that of gtsam_points: a name, a place and a quaternion a row."""
-STAMP = re.compile(r"\d+\.\d+")
-"""Stem of a file that is named after a time in seconds."""
+STAMP = re.compile(r"\d+\.\d+|[1-9](?:\d{18}|\d{15}|\d{12}|\d{9})")
+"""Stem of a file that is named after a time: in seconds, or a whole number of s, ms, us or ns since 1970."""
+TICKS = {10: 1.0, 13: 1e-3, 16: 1e-6, 19: 1e-9}
+"""Digits of such a number to its unit in seconds."""
 LAST_NUMBER = re.compile(r"\d+(?=\D*$)")
 """What numbers the files of a set: ``scan2_007.pcd`` is the seventh."""
 MOST_LISTED = 4
@@ -33,6 +35,8 @@ def scan_files(folder: str, pattern: str | None) -> list[str]:
         Names of the scans, such as ``planes_*.bin``; None: all files of points whose names differ in a number alone.
     """
     here = Path(folder)
+    if (here / "manifest.json").is_file():
+        raise InputError(f"{folder}: a RUN of prf, whose maps are of the plane. prf report shows it.")
     files = [path for path in (*here.glob("*"), *here.glob("*/*")) if path.is_file()]
     if pattern is not None:
         named = [str(path) for path in files if fnmatch.fnmatch(path.relative_to(here).as_posix(), pattern)]
@@ -58,9 +62,11 @@ def stem_of(path: str) -> str:
 
 
 def stamp_of(path: str) -> float | None:
-    """Return the time in seconds that a file is named after, such as 1305031102.1753.pcd; None if there is none."""
+    """Return the time in seconds that a file is named after, such as 1305031102.1753.pcd; None if it is not."""
     stem = stem_of(path)
-    return float(stem) if STAMP.fullmatch(stem) else None
+    if not STAMP.fullmatch(stem):
+        return None
+    return float(stem) if "." in stem else int(stem) * TICKS[len(stem)]
 
 
 def family(path: Path) -> str:
@@ -84,8 +90,8 @@ def number_of(path: str) -> int | None:
     return int(numbers[-1]) if numbers else None
 
 
-def pose_file(files: Sequence[str]) -> str:
-    """Return the only file of poses beside the scans, or in the folder above theirs."""
+def pose_file(files: Sequence[str]) -> str | None:
+    """Return the only file of poses beside the scans, or in the folder above theirs; None if there is none."""
     folder = Path(files[0]).parent
     for place in (folder, folder.parent):
         found = [str(path) for path in sorted(place.glob("*")) if path.is_file() and POSE_NAME.search(path.name)]
@@ -94,4 +100,4 @@ def pose_file(files: Sequence[str]) -> str:
         if found:
             names = ", ".join(found[:MOST_LISTED])
             raise InputError(f"{folder}: which file has the poses: {names}? Name it with --poses.")
-    raise InputError(f"{files[0]}: no file of poses beside the scans. Name it with --poses.")
+    return None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -15,9 +15,18 @@ from mapq.io.clouds import parse_cloud, recognise
 from mapq.io.content import Content, suffix_of
 from mapq.io.e57 import e57_poses, open_e57, read_e57_scan
 from mapq.io.options import AS_IT_IS, ReadOptions
-from mapq.io.ptx import read_ptx_scan
+from mapq.io.pcd import read_viewpoint
+from mapq.io.ptx import ptx_pose, read_ptx_scan
 from mapq.io.uos import read_uos_pose
-from mapq.posed.files import E57_SUFFIX, UOS_SUFFIX, natural_key, number_of, pose_file, scan_files, stamp_of
+from mapq.posed.files import (
+    E57_SUFFIX,
+    MOST_LISTED,
+    UOS_SUFFIX,
+    natural_key,
+    pose_file,
+    scan_files,
+)
+from mapq.posed.match import match_poses, times_of, with_poses_at
 from mapq.posed.poses import laser_poses, looks_ahead, read_calibration
 from mapq.posed.scans import PosedScans
 from prf.shell.errors import InputError, UsageError
@@ -27,9 +36,9 @@ logger = logging.getLogger(__name__)
 
 CALIBRATION_NAME, TIMES_NAME = "calib.txt", "times.txt"
 NO_CALIBRATION = "none"
-QUATERNION_KEY = "perturb.quaternion"
-SAME_TIME = 1e-3
-"""Seconds within which the name of a scan is the time of a pose: either may have been rounded."""
+QUATERNION_KEY = "scans.quaternion"
+LOOKED_AT = 8
+"""Scans by which the frame of points is decided, about."""
 
 
 @dataclass(frozen=True)
@@ -46,6 +55,9 @@ class FindSettings:
         Which files of a folder are scans, such as ``planes_*.bin``.
     quaternion : {"xyzw", "wxyz"} or None
         See :func:`prf.shell.trajectory.read_trajectory`.
+    frame : {"sensor", "map"} or None
+        Of the points. In the frame of the map poses only say where the sensor was. None: that of the sensor; of PCD
+        whose VIEWPOINT has the poses, the one that fits.
     options : ReadOptions
         How to read a scan; E57 states all of it.
     """
@@ -54,6 +66,7 @@ class FindSettings:
     calibration: str | None = None
     pattern: str | None = None
     quaternion: Order | None = None
+    frame: str | None = None
     options: ReadOptions = AS_IT_IS
 
 
@@ -77,34 +90,84 @@ def find_scans(inputs: Sequence[str], settings: FindSettings | None = None) -> P
     """
     settings = settings or FindSettings()
     is_folder = len(inputs) == 1 and Path(inputs[0]).is_dir()
+    files = _files(inputs, settings.pattern, is_folder)
+    kinds = {suffix_of(path) for path in files}
+    if E57_SUFFIX in kinds:
+        _refuse_for_e57(files[0], settings)
+        scans = _e57_scans(files)
+        return scans if settings.poses is None else replace_poses(scans, settings.poses, settings)
+    own = None if settings.poses else _own_poses(files, kinds)
+    if own is not None:
+        poses, frame = own
+        return _listed(files, poses, None, replace(settings, frame=settings.frame or frame))
+    path = settings.poses or pose_file(files)
+    if path is None:
+        raise InputError(f"{files[0]}: no file of poses beside the scans. Name it with --poses.")
+    table = with_poses_at(read_trajectory(path, settings.quaternion, QUATERNION_KEY), files)
+    rows = match_poses(files, table, path, is_folder)
+    times = table.times if table.times is not None else _times_beside(path, len(table.poses))
+    poses, kept = _sensor_poses(table, path, files, settings), rows >= 0
+    _warn_lost([Path(file).name for file, is_kept in zip(files, kept, strict=True) if not is_kept], len(files), path)
+    files, rows = [file for file, is_kept in zip(files, kept, strict=True) if is_kept], rows[kept]
+    return _listed(files, poses[rows], times_of(files) if times is None else times[rows], settings, path)
+
+
+def _warn_lost(names: Sequence[str], n_scans: int, path: str) -> None:
+    """Warn of scans without a pose, if there are any."""
+    if names:
+        named = ", ".join(names[:MOST_LISTED]) + (", ..." if len(names) > MOST_LISTED else "")
+        logger.warning("%s: no pose for %d of %d scans, which are left out: %s", path, len(names), n_scans, named)
+
+
+def _files(inputs: Sequence[str], pattern: str | None, is_folder: bool) -> list[str]:
+    """Return the files of the scans, in natural order."""
     if is_folder:
-        files = scan_files(inputs[0], settings.pattern)
-    elif settings.pattern is not None:
+        return scan_files(inputs[0], pattern)
+    if pattern is not None:
         raise UsageError("--scans chooses among the files of a folder, but files are given. Leave it out.")
-    else:
-        files = sorted(inputs, key=natural_key)
-    for path in files:
+    for path in inputs:
         if Path(path).is_dir():
             raise InputError(f"{path}: this is a folder; give one folder alone, or files.")
         if not Path(path).is_file():
             raise InputError(f"{path}: no such file.")
-    kinds = {suffix_of(path) for path in files}
-    if E57_SUFFIX in kinds:
-        if settings.calibration not in (None, NO_CALIBRATION):
-            raise InputError(f"{files[0]}: a calibration is not for E57, which has its poses. Leave out --calibration.")
-        if settings.options.unit is not None:
-            raise InputError(f"{files[0]}: E57 is in metres, as its poses are. Leave out cloud.unit.")
-        scans = _e57_scans(files)
-        return scans if settings.poses is None else replace_poses(scans, settings.poses, settings)
-    if settings.poses is None and kinds == {UOS_SUFFIX}:
+    return sorted(inputs, key=natural_key)
+
+
+def _refuse_for_e57(path: str, settings: FindSettings) -> None:
+    """Raise InputError for what E57 states itself."""
+    if settings.calibration not in (None, NO_CALIBRATION):
+        raise InputError(f"{path}: a calibration is not for E57, which has its poses. Leave out --calibration.")
+    if settings.options.unit is not None:
+        raise InputError(f"{path}: E57 is in metres, as its poses are. Leave out cloud.unit.")
+
+
+def _own_poses(files: Sequence[str], kinds: set[str]) -> tuple[NDArray[np.float64], str] | None:
+    """Return the poses (k, 4, 4) that scans carry themselves, and the frame of their points; None if they have none.
+
+    Some programs write points in the frame of the sensor beside VIEWPOINT, others in that of the map: the one that
+    has them closer to the sensor is believed.
+    """
+    if kinds == {UOS_SUFFIX}:
         beside = [Path(path.removesuffix(".gz")).with_suffix(".pose") for path in files]
-        return _listed(files, np.array([read_uos_pose(str(path)) for path in beside]), None, settings)
-    path = settings.poses or pose_file(files)
-    table = read_trajectory(path, settings.quaternion, QUATERNION_KEY)
-    rows = match_poses(files, table, path, is_folder)
-    times = table.times if table.times is not None else _times_beside(path, len(table.poses))
-    poses = _sensor_poses(table, path, files, settings)[rows]
-    return _listed(files, poses, None if times is None else times[rows], settings)
+        return np.array([read_uos_pose(str(path)) for path in beside]), "sensor"
+    if pose_file(files) is not None:
+        return None
+    if kinds == {".ptx"}:
+        return np.array([ptx_pose(Content(path)) for path in files]), "sensor"
+    if kinds != {".pcd"}:
+        return None
+    poses = np.array([read_viewpoint(Content(path)) for path in files])
+    if not np.ptp(poses, axis=0).any():
+        return None
+    from_origin, from_pose = [], []
+    for number in range(0, len(files), -(-len(files) // LOOKED_AT)):
+        xyz = parse_cloud(Content(files[number]))[1]
+        places = xyz.metric_of(xyz.xyz[xyz.finite()])
+        from_origin.append(np.median(np.linalg.norm(places, axis=1)))
+        from_pose.append(np.median(np.linalg.norm(places - poses[number, :3, 3], axis=1)))
+    frame = "map" if np.median(from_pose) < np.median(from_origin) else "sensor"
+    logger.info("%s: poses from VIEWPOINT; points are in the frame of the %s (scans.frame)", files[0], frame)
+    return poses, frame
 
 
 def replace_poses(scans: PosedScans, path: str, settings: FindSettings) -> PosedScans:
@@ -117,8 +180,10 @@ def replace_poses(scans: PosedScans, path: str, settings: FindSettings) -> Posed
     InputError
         As :func:`prf.shell.trajectory.read_trajectory`, and if poses and scans do not fit.
     """
-    table = read_trajectory(path, settings.quaternion, QUATERNION_KEY)
+    table = with_poses_at(read_trajectory(path, settings.quaternion, QUATERNION_KEY), scans.names)
     rows = match_poses(scans.names, table, path)
+    if rows.min() < 0:
+        raise InputError(f"{path}: no pose for {scans.names[int(rows.argmin())]}. Give one for each scan.")
     return scans.with_poses(_sensor_poses(table, path, scans.names, settings, is_reference=True)[rows], path)
 
 
@@ -160,47 +225,6 @@ def _sensor_poses(
     return poses
 
 
-def match_poses(names: Sequence[str], table: Trajectory, path: str, is_folder: bool = False) -> NDArray[np.int64]:
-    """Return the row (k,) of the table that is the pose of each scan.
-
-    Scans whose names are times are matched by time, where the table has times; else one row a scan by order; else the
-    last number in a scan's name picks the row of that name or, without names, of that place, from 0: as the poses of a
-    whole KITTI sequence and some of its scans. `is_folder`: whether --scans can choose among the scans.
-    """
-    stamps = np.array([stamp_of(name) for name in names], np.float64)
-    if table.times is not None and np.isfinite(stamps).all():
-        order = np.argsort(table.times, kind="stable")
-        middle = 0.5 * (table.times[order][1:] + table.times[order][:-1])
-        nearest = order[np.searchsorted(middle, stamps)]
-        if len(set(nearest)) == len(names) and (np.abs(table.times[nearest] - stamps) <= SAME_TIME).all():
-            return np.asarray(nearest)
-    if len(table.poses) == len(names):
-        return np.arange(len(names))
-    keys = range(len(table.poses)) if table.names is None else (number_of(f"{name}.x") for name in table.names)
-    known = {number: row for row, number in enumerate(keys)}
-    rows = [known.get(number_of(name), -1) for name in names]
-    if min(rows) < 0 or len(set(rows)) < len(rows) or np.isfinite(stamps).any():
-        advice = "Choose scans with --scans, or other poses." if is_folder else "Give other scans, or other poses."
-        raise InputError(
-            f"{path}: {len(table.poses)} poses for {len(names)} scans, and the numbers in the names of the scans do "
-            f"not identify theirs. {advice}"
-        )
-    if table.times is not None:
-        _refuse_other_numbers(names, rows, table.times, path)
-    return np.array(rows, np.int64)
-
-
-def _refuse_other_numbers(names: Sequence[str], rows: list[int], times: NDArray[np.float64], path: str) -> None:
-    """Raise InputError if the first column may be numbers of scans, by which other rows are theirs than by place."""
-    row_of: dict[float | None, int] = {time: row for row, time in enumerate(times.tolist())}
-    by_number = [row_of.get(number_of(name), -1) for name in names]
-    if min(by_number) >= 0 and by_number != rows:
-        raise InputError(
-            f"{path}: is the first column times, or numbers of scans? By number {names[0]} has row {by_number[0] + 1}, "
-            f"by place row {rows[0] + 1}. Give a row a scan, or leave the column out."
-        )
-
-
 def _times_beside(poses: str, n_poses: int) -> NDArray[np.float64] | None:
     """Return the times (n,) of the file times.txt beside the poses, None if there is none of that length."""
     beside = Path(poses).with_name(TIMES_NAME)
@@ -214,7 +238,11 @@ def _times_beside(poses: str, n_poses: int) -> NDArray[np.float64] | None:
 
 
 def _listed(
-    files: Sequence[str], poses: NDArray[np.float64], times: NDArray[np.float64] | None, settings: FindSettings
+    files: Sequence[str],
+    poses: NDArray[np.float64],
+    times: NDArray[np.float64] | None,
+    settings: FindSettings,
+    poses_from: str = "",
 ) -> PosedScans:
     """Return scans that are files of their own."""
 
@@ -223,9 +251,13 @@ def _listed(
         if recognise(content) == "ptx":  # with a pose of its own, which is not the one
             scan, unit = read_ptx_scan(content), settings.options.unit
             return scan if unit is None else scan.in_unit(np.full(3, unit))
-        return parse_cloud(content, settings.options)[1]
+        cloud = parse_cloud(content, settings.options)[1]
+        if settings.frame != "map":
+            return cloud
+        local = (cloud.metric_of(cloud.xyz) - poses[number, :3, 3]) @ poses[number, :3, :3]
+        return PointCloud.from_world(local, cloud.fields, cloud.source)
 
-    return PosedScans(tuple(files), poses, times, load, np.arange(len(files)), str(Path(files[0]).parent))
+    return PosedScans(tuple(files), poses, times, load, np.arange(len(files)), str(Path(files[0]).parent), poses_from)
 
 
 def _e57_scans(files: Sequence[str]) -> PosedScans:

@@ -36,6 +36,8 @@ class PosedScans:
         Those numbers.
     source : str
         Name of the input, for messages.
+    poses_from : str
+        Name of the file of the poses; "" where scans carry them themselves.
     """
 
     names: tuple[str, ...]
@@ -44,6 +46,7 @@ class PosedScans:
     load: Callable[[int], PointCloud]
     numbers: NDArray[np.int64]
     source: str
+    poses_from: str = ""
 
     def __len__(self) -> int:
         """Return the number of scans."""
@@ -70,7 +73,7 @@ class PosedScans:
         """
         if len(poses) != len(self):
             raise InputError(f"{source}: {len(poses)} poses for {len(self)} scans. Give one pose a scan.")
-        return replace(self, poses=poses)
+        return replace(self, poses=poses, poses_from=source)
 
 
 def drive_passes(poses: NDArray[np.float64]) -> NDArray[np.int16]:

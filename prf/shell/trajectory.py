@@ -28,7 +28,7 @@ TICKS = ((9e17, 1e-9), (9e14, 1e-6), (9e11, 1e-3))
 
 LAYOUTS = (
     "Read are rows of 12 numbers (3x4 matrix, KITTI), 16 (4x4), 7 (tx ty tz and a quaternion), 8 (time or name and "
-    "these), g2o, 4x4 matrices over four lines, and CSV with a header such as t,x,y,theta."
+    "these), g2o, 4x4 matrices over four lines, JSON, and CSV with a header such as t,x,y,theta."
 )
 
 

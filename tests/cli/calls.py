@@ -120,6 +120,11 @@ VERBS = (
         ("out.ply", "out.json"),
     ),
     Verb("mapq classify cloud.ply -o out.ply --workers 1 --tile-points 10000", ("cloud.ply",), ("out.ply", "out.json")),
+    Verb(
+        "mapq classify scans --poses odometry.txt -o out.ply",
+        ("odometry.txt", "scans/3.ply"),
+        ("out.ply", "out.json"),
+    ),
     Verb("mapq compare result.ply walls.patches", ("result.ply", "walls.patches")),
     Verb("mapq evaluate result.ply --truth-field truth", ("result.ply",)),
     Verb("mapq features walls.patches --csv", ("walls.patches",)),

@@ -94,7 +94,7 @@ def test_sub_maps_without_right_poses_are_registered(folder: Path, capsys: pytes
     out = folder.parent / "map.ply"
     odometry = str(folder.parent / "odometry.txt")
     files = [str(folder / f"{scan}.ply") for scan in (0, 1, 2, 3)]
-    assert run(*files, "--poses", odometry, "--submaps", "--set", "perturb.voxel=0.1", "-o", str(out)) == 0
+    assert run(*files, "--poses", odometry, "--submaps", "--set", "scans.voxel=0.1", "-o", str(out)) == 0
     fields = read_cloud(str(out)).fields
     assert set(fields) == {"scan", "suspicious", "disagreement"}
     assert (fields["suspicious"] == 1).mean() > 0.9
@@ -112,13 +112,13 @@ def test_sub_maps_without_right_poses_are_registered(folder: Path, capsys: pytes
         (["scans", "-o", "map.pcd"], 2, "map.pcd"),
         (["scans", "-o", "map.ply", "--offset", "-1"], 2, "--offset"),
         (["scans", "-o", "map.ply", "--drift", "1", "nan"], 2, "--drift"),
-        (["scans", "-o", "map.ply", "--set", "perturb.voxel=-1"], 2, "voxel"),
+        (["scans", "-o", "map.ply", "--set", "scans.voxel=-1"], 2, "voxel"),
         (["scans", "-o", "map.ply", "--set", "simulate.variety=4"], 2, "variety"),
-        (["scans", "-o", "map.ply", "--set", "perturb.min_range=3", "--set", "perturb.max_range=2"], 2, "min_range"),
+        (["scans", "-o", "map.ply", "--set", "scans.min_range=3", "--set", "scans.max_range=2"], 2, "min_range"),
         (["scans", "-o", "map.ply", "--set", "perturb.plausible_below=1"], 2, "plausible_below"),
-        (["scans", "-o", "map.ply", "--set", "perturb.quaternion=abcd"], 2, "quaternion"),
+        (["scans", "-o", "map.ply", "--set", "scans.quaternion=abcd"], 2, "quaternion"),
         (["scans/0.ply", "scans/1.ply", "-o", "map.ply", "--scans", "*.ply"], 2, "--scans"),
-        (["scans", "-o", "map.ply", "--yaw", "1", "--set", "perturb.max_range=0.5"], 3, "no point is left"),
+        (["scans", "-o", "map.ply", "--yaw", "1", "--set", "scans.max_range=0.5"], 3, "no point is left"),
         (["scans", "-o", "map.ply", "--poses", "no.txt"], 3, "no.txt"),
         (["scans", "-o", "map.ply", "--reference", "no.txt"], 3, "no.txt"),
         (["scans", "-o", "map.ply", "--scans", "b*"], 3, "--scans"),

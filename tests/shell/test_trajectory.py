@@ -88,8 +88,8 @@ def test_gzipped_and_with_the_scalar_part_first(tmp_path):
 
 def test_an_order_of_quaternions_that_hangs_sensors_upside_down_is_not_guessed(tmp_path):
     path = written(tmp_path, rows(np.column_stack([PLACES, QUATERNIONS[:, [3, 0, 1, 2]]])))
-    with pytest.raises(InputError, match=r"poses.txt: read as tx ty tz qx .* perturb.quaternion=wxyz"):
-        read_trajectory(path, key="perturb.quaternion")
+    with pytest.raises(InputError, match=r"poses.txt: read as tx ty tz qx .* scans.quaternion=wxyz"):
+        read_trajectory(path, key="scans.quaternion")
     assert read_trajectory(path, "xyzw").poses[0, 2, 2] < 0.0
 
 

@@ -3,6 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from mapq.axes import TO_SENSOR
 from mapq.io import read_cloud
 from tests.mapq.io.samples import refusal, save
 
@@ -34,7 +35,8 @@ def test_several_scans(tmp_path):
     cloud = read_cloud(save(tmp_path, "a.txt", text))
     assert cloud.fields["scan"].tolist() == [0, 0, 1]
     assert cloud.world()[2].tolist() == [437_000.25, 5_428_001.5, 20.0]
-    assert list(cloud.fields) == ["intensity", "scan"]
+    assert list(cloud.fields) == ["intensity", "scan", *TO_SENSOR]
+    assert cloud.fields["to_sensor_x"][:2].tolist() == [-1.0, -2.0]
 
 
 @pytest.mark.parametrize(

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from mapq.patches import PLAUSIBLE, SUSPICIOUS, UNLABELLED
-from mapq.perturb import MergeSettings, Rule, build
+from mapq.perturb import Rule, build
 from mapq.perturb.known import find_surfaces, known_disagreement
-from mapq.perturb.merge import merge
+from mapq.posed import MergeSettings
+from mapq.posed.merge import merge
 from tests.mapq.factories import wall
 from tests.mapq.perturb.scenes import look, make_scans, pose_at, rings
 from tests.reference.mapq_perturb import brute_disagreement

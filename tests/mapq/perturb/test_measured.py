@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from mapq.patches import PLAUSIBLE, SUSPICIOUS, UNLABELLED
-from mapq.perturb import MergeSettings, build
+from mapq.perturb import build
 from mapq.perturb.measure import measured_disagreement
-from mapq.perturb.merge import merge
+from mapq.posed import MergeSettings
+from mapq.posed.merge import merge
 from tests.mapq.factories import Rectangle, wall
 from tests.mapq.perturb.scenes import COURT, look, make_scans, pose_at
 

@@ -7,8 +7,8 @@ import pytest
 
 from mapq.cloud import PointCloud
 from mapq.perturb import build
-from mapq.perturb.cells import cell_keys, planes_round
-from mapq.perturb.merge import merge
+from mapq.perturb.cells import planes_round
+from mapq.posed.merge import MergeSettings, cell_keys, merge
 from prf.shell.errors import InputError
 from tests.mapq.factories import wall
 from tests.mapq.perturb.scenes import look, make_scans, pose_at
@@ -34,23 +34,23 @@ def test_all_points_land_where_the_poses_put_them():
 
 def test_one_point_of_a_scan_is_kept_in_each_cube():
     scans = two_scans(400.0)
-    thinned = merge(scans, voxel=0.25)
+    thinned = merge(scans, MergeSettings(voxel=0.25))
     assert len(thinned.xyz) < 0.2 * len(merge(scans).xyz)
     for scan in (0, 1):
         points = thinned.xyz[thinned.scan == scan]
         assert len(np.unique(cell_keys(points, 0.25))) == len(points)
-    np.testing.assert_array_equal(thinned.xyz, merge(scans, voxel=0.25).xyz)
+    np.testing.assert_array_equal(thinned.xyz, merge(scans, MergeSettings(voxel=0.25)).xyz)
 
 
 def test_ranges_and_points_without_a_return():
     scans = two_scans()
     cloud = scans.read(0)
     cloud.xyz[0], cloud.xyz[1] = np.nan, 0.0
-    merged = merge(scans, reach=(0.01, 5.0))
+    merged = merge(scans, MergeSettings(max_range=5.0))
     assert np.linalg.norm(merged.xyz, axis=1).max() <= 5.0
     assert np.linalg.norm(merged.xyz, axis=1).min() > 0.01
     with pytest.raises(InputError, match="made: no point is left of 2560"):
-        merge(scans, reach=(0.01, 0.5))
+        merge(scans, MergeSettings(max_range=0.5))
 
 
 def test_a_field_that_not_all_scans_have_is_dropped_with_a_warning(caplog):

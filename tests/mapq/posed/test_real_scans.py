@@ -44,7 +44,7 @@ def test_poses_lay_neighbouring_scans_onto_each_other(name, settings, count, gai
     [
         ("kitti00_map-metrics", "poses of a camera"),
         ("newer_college_01", "several sets of scans"),
-        ("plane_localization_hall", "perturb.quaternion"),
+        ("plane_localization_hall", "scans.quaternion"),
         ("dxmcu_map", "--poses"),
     ],
 )

@@ -1,0 +1,174 @@
+"""Posed scans to one map: their points where their poses put them, with what is known of scan, time and sensor."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapq.axes import TO_SENSOR
+from mapq.cloud import SHIFT_ABOVE, PointCloud
+from mapq.io.fields import SCAN, TIME, common_fields, original_names, to_sensor_fields
+from mapq.posed.check import warn_of_poses
+from mapq.posed.scans import PosedScans, drive_passes
+from prf.shell.errors import InputError
+
+logger = logging.getLogger(__name__)
+
+Floats = NDArray[np.float64]
+
+AT_THE_SENSOR = 0.01
+"""Metres: a return so close is none; many sensors write (0, 0, 0) for "no return"."""
+FINEST = 0.05
+"""Metres: side of the cubes by which too many points are thinned first; it is doubled until they are few enough."""
+PASS = "pass_id"
+"""Field that numbers the passes of the drive."""
+BITS = 21
+"""Of the number of a cell along each axis."""
+
+
+@dataclass(frozen=True)
+class MergeSettings:
+    """How scans become a map.
+
+    Attributes
+    ----------
+    voxel : float or None
+        Metres: of the points of a scan in one cube of this side the first is kept. None: all, up to `max_points`.
+    min_range, max_range : float or None
+        Metres from the sensor.
+    submaps : bool
+        Scans are sub-maps, made of many: they have no single sensor, so no rays, no sides and no passes.
+    max_points : int
+        Of the map: more are thinned by the smallest of the voxels 0.05, 0.1, 0.2 ... m that leaves no more.
+    """
+
+    voxel: float | None = None
+    min_range: float | None = None
+    max_range: float | None = None
+    submaps: bool = False
+    max_points: int = 10_000_000
+
+    @property
+    def reach(self) -> tuple[float, float]:
+        """Least and largest range of a return that counts, in metres."""
+        return self.min_range or (0.0 if self.submaps else AT_THE_SENSOR), self.max_range or np.inf
+
+
+class Merged(NamedTuple):
+    """The points (n, 3) of all scans, each in the frame of its scan (n,), with the fields that every scan has.
+
+    `counts` (k,) are the points read of each scan.
+    """
+
+    xyz: Floats
+    scan: NDArray[np.int32]
+    fields: dict[str, NDArray[Any]]
+    counts: NDArray[np.int64]
+
+    def placed(self, poses: Floats) -> Floats:
+        """Return the points (n, 3) where poses (k, 4, 4) put them."""
+        world = np.empty_like(self.xyz)
+        starts = np.searchsorted(self.scan, np.arange(len(poses) + 1))
+        for scan, pose in enumerate(poses):
+            rows = slice(int(starts[scan]), int(starts[scan + 1]))
+            world[rows] = self.xyz[rows] @ pose[:3, :3].T + pose[:3, 3]
+        return world
+
+
+def merge(
+    scans: PosedScans, settings: MergeSettings | None = None, progress: Callable[[int], None] = lambda done: None
+) -> Merged:
+    """Read all scans, thinned while they are read: what is held never outgrows the map by more than a scan."""
+    settings = settings or MergeSettings()
+    parts: list[PointCloud] = []
+    counts, voxel = [], settings.voxel
+    for scan in range(len(scans)):
+        cloud = scans.read(scan)
+        counts.append(len(cloud))
+        parts.append(thinned(_in_reach(cloud, settings.reach), voxel))
+        while settings.voxel is None and sum(map(len, parts)) > settings.max_points:
+            # The first point of a cube is the first of one of its eighths, so that steps leave what one step would.
+            voxel = FINEST if voxel is None else 2.0 * voxel
+            parts = [thinned(part, voxel) for part in parts]
+        progress(scan + 1)
+    if not any(len(part) for part in parts):
+        raise InputError(
+            f"{scans.source}: no point is left of {sum(counts)}. Check scans.min_range and scans.max_range."
+        )
+    if voxel != settings.voxel:
+        words = "%s: %d points are too many for memory: one of each scan in %g m is kept; --every K takes fewer scans"
+        logger.info(words, scans.source, sum(counts), voxel)
+    of_scan = np.repeat(np.arange(len(parts), dtype=np.int32), [len(part) for part in parts])
+    xyz = np.concatenate([part.metric_of(part.xyz) for part in parts])
+    fields = common_fields([part.fields for part in parts], scans.source)
+    return Merged(xyz, of_scan, fields, np.array(counts, np.int64))
+
+
+def merge_scans(
+    scans: PosedScans, settings: MergeSettings | None = None, progress: Callable[[int], None] = lambda done: None
+) -> PointCloud:
+    """Return the map of scans where their poses put them, with fields `scan`, `time`, `pass_id` and `to_sensor_x/y/z`.
+
+    Warns where poses and points hardly belong together.
+    """
+    settings = settings or MergeSettings()
+    merged = merge(scans, settings, progress)
+    words = "%s: %s points of %d scans, at the poses of %s"
+    logger.info(words, scans.source, f"{len(merged.xyz):,}", len(scans), scans.poses_from or "these files")
+    if not settings.submaps:
+        warn_of_poses(scans, merged.xyz, merged.scan)
+    return map_of(merged, scans.poses, scans, settings)
+
+
+def map_of(
+    merged: Merged,
+    poses: Floats,
+    scans: PosedScans,
+    settings: MergeSettings,
+    labels: Mapping[str, NDArray[Any]] | None = None,
+) -> PointCloud:
+    """Return merged points where poses (k, 4, 4) put them; fields of the scans with names that are needed are renamed.
+
+    `labels`: further fields (n,) of the map.
+    """
+    world = merged.placed(poses)
+    added: dict[str, NDArray[Any]] = {SCAN: merged.scan, **(labels or {})}
+    if scans.times is not None:
+        added[TIME] = scans.times[merged.scan]
+    if not settings.submaps:
+        added[PASS] = drive_passes(scans.poses)[merged.scan]
+        added |= to_sensor_fields(world, poses[merged.scan, :3, 3])
+    narrow = np.abs(world).max() < SHIFT_ABOVE
+    fields = original_names(merged.fields, {*added, PASS, *TO_SENSOR}) | added
+    return PointCloud.from_world(world.astype(np.float32) if narrow else world, fields, scans.source)
+
+
+def thinned(cloud: PointCloud, voxel: float | None) -> PointCloud:
+    """Return the first point of a scan in each cube of side `voxel` metres, in their order; None: all."""
+    if voxel is None or len(cloud) == 0:
+        return cloud
+    _, first = np.unique(cell_keys(cloud.xyz, voxel, cloud.source), return_index=True)
+    return cloud.take(np.sort(first))
+
+
+def _in_reach(cloud: PointCloud, reach: tuple[float, float]) -> PointCloud:
+    """Return the points of a scan between two ranges."""
+    distance = np.linalg.norm(cloud.metric_of(cloud.xyz), axis=1)
+    with np.errstate(invalid="ignore"):
+        return cloud.take(cloud.finite() & (distance > reach[0]) & (distance <= reach[1]))
+
+
+def cell_keys(xyz: Floats, side: float, source: str = "the map") -> NDArray[np.int64]:
+    """Return a number (n,) for the cube of this side in which each point (n, 3) lies; equal for points of one cube."""
+    if len(xyz) == 0:
+        return np.zeros(0, np.int64)
+    index = np.floor(xyz / side).astype(np.int64)
+    index -= index.min(axis=0)
+    if index.max() >= 1 << BITS:
+        raise InputError(f"{source}: {np.ptp(xyz, axis=0).max():.3g} m wide, too much for cells of {side:g} m.")
+    return np.asarray((index[:, 0] << 2 * BITS) | (index[:, 1] << BITS) | index[:, 2])

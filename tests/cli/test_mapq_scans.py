@@ -1,0 +1,151 @@
+"""From each kind of input to a picture in two commands; scans with poses."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mapq.cloud import PointCloud
+from mapq.io import read_cloud, write_cloud
+from mapq.posed import MergeSettings, find_scans, merge_scans
+from tests.cli.mapq_samples import call
+from tests.mapq.io.test_ptx import ptx
+from tests.mapq.perturb.scenes import COURT, look, pose_at
+from tests.mapq.posed.test_find import write_e57
+from tests.shell.test_trajectory import rows
+
+RIGHT = np.array([pose_at(4.0 + 4.0 * scan, 6.0, 12.0 * scan) for scan in range(4)])
+POSES = RIGHT.copy()
+POSES[2:, 1, 3] += 0.5
+"""A drive through a yard of four walls; from the third scan on the poses are half a metre off, along y."""
+SCANS = [(look(COURT, p, k, 12.0) - p[:3, 3]) @ p[:3, :3] for k, p in enumerate(RIGHT)]
+PLACED = [points @ p[:3, :3].T + p[:3, 3] for points, p in zip(SCANS, POSES, strict=True)]
+HALF = np.radians(6.0) * np.arange(4)
+QUATERNIONS = np.column_stack([POSES[:, :3, 3], np.zeros((4, 2)), np.sin(HALF), np.cos(HALF)])
+TIMES = 1.7e9 + 0.1 * np.arange(4)
+FRAMES = [{"file_path": f"a/{k}.ply", "transform_matrix": POSES[k].tolist()} for k in (3, 2, 1, 0)]
+POSE_FILES = {
+    "kitti": ("poses.txt", rows(POSES[:, :3].reshape(4, 12))),
+    "tum": ("trajectory.tum", rows(np.column_stack([TIMES, QUATERNIONS]))),
+    "g2o": ("graph.g2o", "".join(f"VERTEX_SE3:QUAT {k} {rows(QUATERNIONS[k : k + 1])}" for k in range(4))),
+    "json": ("poses.json", json.dumps({"frames": FRAMES})),
+}
+
+
+def write_pcd(path: Path, points: np.ndarray, viewpoint: np.ndarray = QUATERNIONS[0]) -> None:
+    head = f"VERSION .7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nWIDTH {len(points)}\nHEIGHT 1\nVIEWPOINT "
+    words = " ".join(map(str, viewpoint[[0, 1, 2, 6, 3, 4, 5]]))
+    path.write_bytes(f"{head}{words}\nPOINTS {len(points)}\nDATA binary\n".encode() + points.astype("<f4").tobytes())
+
+
+def write_scans(folder: Path, kind: str) -> None:
+    """Write scans, with a file of poses of this kind above them."""
+    (folder / "scans").mkdir()
+    for scan, points in enumerate(SCANS):
+        name = f"{round(1e9 * TIMES[scan])}" if kind == "tum" else f"{scan}"
+        write_cloud(str(folder / "scans" / f"{name}.ply"), PointCloud.from_world(points.astype(np.float32)))
+    name, text = POSE_FILES[kind]
+    (folder / name).write_text(text)
+
+
+def write_input(folder: Path, kind: str) -> str:
+    """Write an input of this kind, and return its name."""
+    name, world = f"drive.{kind}", np.concatenate(PLACED)
+    if kind in POSE_FILES:
+        write_scans(folder, kind)
+        return "scans"
+    if kind.startswith("viewpoint"):
+        (folder / "posed").mkdir()
+        for scan, points in enumerate(PLACED if "map" in kind else SCANS):
+            write_pcd(folder / "posed" / f"{scan}.pcd", points, QUATERNIONS[scan])
+        return "posed"
+    if kind in ("ply", "laz"):
+        write_cloud(str(folder / name), PointCloud.from_world(world.astype(np.float32)))
+    elif kind == "pcd":
+        write_pcd(folder / name, world)
+    elif kind == "e57":
+        write_e57(folder / name, SCANS, POSES)
+    else:
+        for points, pose in zip(SCANS, POSES, strict=True):
+            with (folder / name).open("a") as stream:
+                stream.write(ptx([" ".join(f"{x:.4f}" for x in (*point, 0.5)) for point in points], 1, pose.T))
+    return name
+
+
+KINDS = ("ply", "laz", "pcd", "e57", "ptx", *POSE_FILES, "viewpoint", "viewpoint in the map")
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_two_commands_lead_to_a_page(kind: str, tmp_path, capsys, monkeypatch) -> None:
+    """A newcomer classifies what there is, and looks at the report; where scans are known the error is found."""
+    monkeypatch.chdir(tmp_path)
+    name = write_input(tmp_path, kind)
+    code, out, err = call(capsys, "classify", name)
+    assert (code, len(out.splitlines()) <= 15) == (0, True), err
+    result = Path(f"{Path(name).stem}.classified.ply")
+    assert out.splitlines()[-1] == f"result          {result} and .json"
+    assert "those within 30 degrees of vertical, so no floors or ceilings" in out
+    assert call(capsys, "report", str(result))[0] == 0
+    assert result.with_suffix(".html").stat().st_size > 50_000
+    cloud = read_cloud(str(result))
+    np.testing.assert_allclose(cloud.world(), np.concatenate(PLACED), atol=2e-3)
+    if kind not in ("ply", "laz", "pcd"):
+        sensor = cloud.world() + np.column_stack([cloud.fields[f"to_sensor_{axis}"] for axis in "xyz"])
+        np.testing.assert_allclose(sensor, POSES[cloud.fields["scan"], :3, 3], atol=2e-3)
+        head = json.loads(result.with_suffix(".json").read_text())
+        assert head["verdict"]["disagreement_m"] > 0.15
+        assert head["counts"]["share_of_area"] > 0.3
+    if kind == "tum":
+        np.testing.assert_allclose(np.unique(cloud.fields["time"]), TIMES, atol=1e-5)
+
+
+def test_segment_takes_scans_too(tmp_path, capsys, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    write_scans(tmp_path, "kitti")
+    files = [f"scans/{scan}.ply" for scan in range(4)]
+    assert call(capsys, "segment", *files, "--poses", "poses.txt", "--every", 2, "-q")[1] == ""
+    code, out, _ = call(capsys, "inspect", "scans.patches")
+    assert code == 0
+    assert "scan  int32  0 to 1" in out
+
+
+def test_too_many_points_are_thinned_as_one_voxel_would(tmp_path, capsys, monkeypatch) -> None:
+    write_scans(tmp_path, "kitti")
+    scans = find_scans([str(tmp_path)])
+    few, same = (merge_scans(scans, MergeSettings(**how)) for how in ({"max_points": 3000}, {"voxel": 1.6}))
+    assert 500 < len(few) <= 3000
+    np.testing.assert_array_equal(few.xyz, same.xyz)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda poses: np.tile(POSES[:1], (4, 1, 1)), "all 4 scans have one pose"),
+        (lambda poses: poses @ pose_at(0, 0, 0, 0)[[1, 2, 0, 3]], "the sensors lie on their side"),
+        (lambda poses: poses + 1e3 * np.eye(4)[3] * (poses - poses[0])[:, :, 3:], "are m apart|m apart and see"),
+    ],
+)
+def test_poses_that_do_not_fit_are_reported(change, words, tmp_path, caplog) -> None:
+    write_scans(tmp_path, "kitti")
+    (tmp_path / "poses.txt").write_text(rows(change(POSES)[:, :3].reshape(4, 12)))
+    merge_scans(find_scans([str(tmp_path)]))
+    assert any(word in caplog.text for word in words.split("|")), caplog.text
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "words"),
+    [
+        ("log.clf", "FLASER 2 1.0 2.0 0 0 0 0 0 0 1.0 host 1.0\n", "a log of a 2D laser or sonar"),
+        ("readings.csv", "x,y,theta,range\n0,0,0,1\n", "a table of 2D readings"),
+        ("poses.txt", rows(QUATERNIONS), "these are poses, not points"),
+        ("kitti.txt", rows(POSES[:, :3].reshape(4, 12)), "these are poses, not points"),
+    ],
+)
+def test_what_was_meant_is_named(name, text, words, tmp_path, capsys) -> None:
+    (tmp_path / name).write_text(text)
+    code, out, err = call(capsys, "classify", tmp_path / name)
+    assert (code, out, err.count("\n")) == (3, "", 1)
+    assert words in err
