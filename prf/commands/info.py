@@ -46,8 +46,9 @@ def info(
 ) -> None:
     """Say what is in a log: scans, beams, extent, ranges, and what looks suspicious.
 
-    Suspicious are poses that jump, clocks that do not run, ranges that are error codes, lines of unknown kinds. Whether
-    the poses agree with one another over loops is not checked: look at the map for that.
+    -v prints all lines and notes. Suspicious are poses that jump, clocks that do not run, ranges that are error codes,
+    lines of unknown kinds. Whether the poses agree with one another over loops is not checked: look at the map for
+    that.
     """
     from prf.logs import describe, read_poses, read_readings
     from prf.shell import console, jsonout

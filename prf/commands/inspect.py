@@ -31,9 +31,10 @@ def inspect(
 ) -> None:
     """Show what a result is, how it was made, and the state of its files.
 
-    Prints the result's own record (of a run and a grid: versions, configuration, seed, inputs, status) and for each
-    file whether it is ok, missing, damaged or of another version. A file that cannot be read makes the exit code 3; a
-    missing one does not, since a run may end early, nor a checkpoint of another version, since draws are read.
+    Prints how the result was made, with -v its whole record (of a run and a grid: versions, configuration, seed,
+    inputs, status), and for each file whether it is ok, missing, damaged or of another version. A file that cannot be
+    read makes the exit code 3; a missing one does not, since a run may end early, nor a checkpoint of another version,
+    since draws are read.
     """
     from prf.inspection import inspect as look_into
     from prf.shell import console, jsonout

@@ -176,6 +176,8 @@ def _report(run: Run, folder: Path, json: bool, asked_steps: int | None) -> None
 
 def _summary(run: Run, folder: Path, asked_steps: int | None) -> Iterator[str]:
     """Yield for a person what was mapped, whether the chains agree, what to do about it, and what to open."""
+    import shlex
+
     from prf.agreement import Agreement
     from prf.shell import console
 
@@ -198,7 +200,7 @@ def _summary(run: Run, folder: Path, asked_steps: int | None) -> Iterator[str]:
     yield f"picture   {folder}/posterior.png"
     if run.best:
         yield f"best map  {folder}/map.geojson"
-    yield f"run       {folder}/"
+    yield f"run       {folder}/; as one page: prf report {shlex.quote(str(folder))}"
 
 
 def _chains(run: Run) -> str:

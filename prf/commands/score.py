@@ -88,7 +88,7 @@ def score(
     round points known to be occupied or free (auc, nll, brier), and by the distance to the first obstacle (within_0.2m,
     rmse in metres). Sonar readings are scored by their density, or the probability of no return (sonar_nll, nats).
     Cells of a true plan give iou_occupied and iou_free. Held-out readings are a log of their own, or scans that the map
-    was not made from: --skip-scans 5::10 there, --scans 5::10 here.
+    was not made from: --skip-scans 5::10 there, --scans 5::10 here. -v prints all figures, --json too.
     """
     options = locals()
 

@@ -1,6 +1,7 @@
 """``python -m tests.packaging``: install the wheel, nothing else, and run the main jobs of both tools with it.
 
-Once with the newest versions of the dependencies, once with the oldest that pyproject.toml allows.
+Once with the newest versions of the dependencies, once with the oldest that pyproject.toml allows. Then what the
+Dockerfile of docs/examples runs, in a virtual environment.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from tests.conftest import ROOT
+from tests.packaging.container import fault_of_container
 from tests.packaging.test_packaging import MINIMUM, build
 
 LOG = "demo-office.log.gz"
@@ -134,7 +136,9 @@ def main() -> int:
             for command, fault in outcomes:
                 print(f"{versions}: {fault or 'as it should be'}: {command}", flush=True)
                 n_faults += fault is not None
-    return int(n_faults > 0)
+        fault = fault_of_container(Path(name) / "container", asked.python)
+        print(f"container: {fault or 'as it should be'}: RUN lines of the Dockerfile, without a network", flush=True)
+    return int(n_faults > 0 or fault is not None)
 
 
 if __name__ == "__main__":
