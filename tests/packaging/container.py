@@ -23,6 +23,7 @@ def instructions() -> list[tuple[str, str]]:
 
 def fault_of_container(folder: Path, python: str) -> str | None:
     """Return what fails of: wheels as the file's head says, its RUN lines, and the call that it ends on."""
+    (folder / "data").mkdir(parents=True)
     subprocess.run([python, "-m", "venv", folder / "venv"], check=True)
     there = {"/wheels": folder / "wheels", "/data": folder / "data", "/var/cache/kernels": folder / "cache"}
     environment = {"PATH": f"{folder / 'venv' / 'bin'}:/usr/bin:/bin", "HOME": str(folder)}
@@ -32,10 +33,10 @@ def fault_of_container(folder: Path, python: str) -> str | None:
 
     def run(command: str) -> subprocess.CompletedProcess[str]:
         return subprocess.run(
-            ["sh", "-ec", command], cwd=ROOT, env=environment, capture_output=True, text=True, check=False
+            ["sh", "-ec", command], cwd=folder / "data", env=environment, capture_output=True, text=True, check=False
         )
 
-    commands = [f"python -m pip wheel --quiet --wheel-dir {folder / 'wheels'} '.[all]'"]
+    commands = [f"python -m pip wheel --quiet --wheel-dir {folder / 'wheels'} '{ROOT}[all]'"]
     for word, rest in instructions():
         if word == "ENV":
             environment |= dict(part.split("=", 1) for part in moved(rest).split())
