@@ -40,3 +40,16 @@ def page(browser):
     yield page
     page.close()
     assert errors == []
+
+
+@pytest.fixture
+def phone(browser):
+    """Yield a page of a telephone whose system is dark."""
+    page = browser.new_page(viewport={"width": 390, "height": 844}, color_scheme="dark", has_touch=True)
+    page.set_default_timeout(120_000)
+    yield page
+    assert page.evaluate("[document.documentElement.scrollWidth, document.documentElement.dataset.theme]") == [
+        390,
+        "dark",
+    ]
+    page.close()

@@ -85,6 +85,13 @@ def test_twenty_patches_by_keys_a_kill_and_on_from_there(page, saved, running):
     )
 
 
+def test_a_phone_has_all_buttons_on_its_first_screen(phone, saved, running):
+    open_page(phone, running(saved))
+    boxes = [button.bounding_box() for button in phone.locator(":is(header, footer) button").all()]
+    assert len(boxes) == 9
+    assert all(box["y"] + box["height"] <= 844 and box["x"] + box["width"] <= 390 for box in boxes)
+
+
 @pytest.mark.slow
 def test_back_and_forward_and_another_mind(page, saved, running):
     server = running(saved)

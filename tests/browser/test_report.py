@@ -65,6 +65,27 @@ def test_a_patch_clicked_in_plan_view_shows_its_reasons_everywhere(page, told, r
     assert page.locator(f'tr[data-region="{row["region"]}"][aria-selected="true"]').count() == 1
 
 
+def test_the_worst_patch_is_selected_at_first_and_dark_changes_the_views(page, told, report):
+    open_report(page, report)
+    worst = max(told.rows, key=lambda patch: (told.label[patch], told.rows[patch]["difference"]))
+    assert f"Patch {worst}\n" in shown(page)
+    pictures = set()
+    for _ in range(2):
+        pictures.add(page.evaluate("document.getElementById('plan').toDataURL()"))
+        page.click("#theme")
+    assert len(pictures) == 2
+    assert page.locator("#theme").get_attribute("aria-pressed") == "false"
+
+
+def test_a_phone_shows_the_main_reason_of_each_patch(phone, report):
+    open_report(phone, report)
+    row = phone.locator("tr[data-patch]").first
+    box = row.locator("td:last-child").bounding_box()
+    assert len(row.locator("td:visible").all()) == 4
+    assert row.locator("td:last-child").inner_text() != "–"
+    assert box["x"] + box["width"] <= 390
+
+
 @pytest.mark.slow
 def test_a_row_a_reason_and_a_region_select_too(page, told, report):
     open_report(page, report)

@@ -37,8 +37,8 @@ const Canvas = (() => {
     for (let k = Math.ceil((middle[1] - height / 2 / factor) / step); ; k++) {
       const py = height / 2 - (k * step - middle[1]) * factor;
       if (py < 0) break;
-      label(pen, metres(k * step), 7 * density, py + 4 * density, density);
-      pen.fillRect(0, py, 5 * density, density);
+      label(pen, metres(k * step), 3 * density, py - 3 * density, density);
+      pen.fillRect(0, py, 12 * density, density);
     }
   }
   function scaleBar(pen, scale, density) {
