@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import PurePath
 from typing import Any
 
@@ -45,7 +45,7 @@ def agreement_line(run: Run) -> str:
     state = {True: "converged", False: "not converged", None: "agreement unknown"}[diagnosed.get("converged")]
     tag = f'<span class="tag {state.split()[0]}">{state}</span> '
     if found is None or math.isnan(found.seen):
-        return f"{tag}Nothing is known of how the chains agree."
+        return f"{tag}Where the chains agree is not known: that takes two of them."
     line = f"{tag}The chains agree on {math.floor(100.0 * found.seen)} % of the seen ground"
     if found.places:
         line += ", and differ most at " + ", ".join(map(_place_button, found.places))
@@ -114,13 +114,10 @@ def settings_table(run: Run) -> str:
     given: Mapping[str, Any] = run.manifest.get("sources") or {}
     settings = run.manifest.get("configuration") or {}
     order = sorted(settings, key=lambda name: (name not in given, name))
-    return _plain((name, f"{settings[name]}{_source(given, name)}") for name in order if settings[name] is not None)
+    words = {name: f"{settings[name]}  ({given[name]})" if name in given else settings[name] for name in order}
+    return _plain(list(words.items()))
 
 
-def _source(given: Mapping[str, Any], name: str) -> str:
-    return f"  ({given[name]})" if name in given else ""
-
-
-def _plain(rows: Iterator[tuple[str, Any]] | list[tuple[str, Any]]) -> str:
+def _plain(rows: list[tuple[str, Any]]) -> str:
     shown = [(name, str(value)) for name, value in rows if value not in (None, "")]
     return table(("", ""), [("", (escape(name), escape(value))) for name, value in shown], "plain")

@@ -265,18 +265,12 @@ class Run:
     def report(self, path: str | os.PathLike[str], *, force: bool = False) -> None:
         """Write a report: one page of HTML that opens without a network (docs/report.md).
 
-        Parameters
-        ----------
-        path : path
-        force : bool
-            Replace what is there.
-
         Raises
         ------
         InputError
             If there are no draws yet.
         OutputError
-            If it exists already, or cannot be written.
+            If the file exists and may not be replaced (`force`), or cannot be written.
         """
         from prf.report import write_report  # noqa: PLC0415 - it imports this module
 

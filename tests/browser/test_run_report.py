@@ -122,6 +122,7 @@ def test_draws_layers_and_themes_change_the_picture(opened):
         opened.click(button)
         look()
     opened.focus("#map")
+    look()
     for key in ("+", "ArrowLeft", "0"):
         opened.keyboard.press(key)
         opened.wait_for_timeout(60)

@@ -19,6 +19,7 @@ Prf.Map = class {
       drag: (dx, dy) => this.move(dx, dy),
       click: (event) => onPick(this.where(event.offsetX, event.offsetY)),
     });
+    for (const name of ["focus", "blur"]) canvas.addEventListener(name, () => this.draw());
     addEventListener("themechange", () => {
       this.paint();
       this.draw();
@@ -52,7 +53,8 @@ Prf.Map = class {
       return [...free.map((value, c) => value + (black[c] - value) * p), 255];
     });
     this.unseen = this.picture((i) => [0, 0, 0, this.seen[i] ? 0 : 255]);
-    this.differing = this.picture((i) => [...violet, this.seen[i] && this.difference[i] > 51 ? 0.8 * this.difference[i] : 0]);
+    const differs = (i) => this.seen[i] && this.difference[i] > 51;
+    this.differing = this.picture((i) => [...violet, differs(i) ? 0.6 * this.difference[i] : 0]);
   }
   size() {
     return [this.canvas.clientWidth, this.canvas.clientHeight];
@@ -125,8 +127,16 @@ Prf.Map = class {
     pen.strokeStyle = Theme.colour("rim");
     pen.strokeRect(0, 0, wide, high);
     pen.resetTransform();
+    if (canvas.matches(":focus-visible")) this.drawCross(pen);
     Canvas.axes(pen, this.middle, this.scale, this.density);
     Canvas.scaleBar(pen, this.scale, this.density);
+  }
+  // Where Enter asks.
+  drawCross(pen) {
+    const [x, y, arm, width] = [this.canvas.width / 2, this.canvas.height / 2, 9 * this.density, 2 * this.density];
+    pen.fillStyle = Theme.colour("question");
+    pen.fillRect(x - arm, y - width / 2, 2 * arm, width);
+    pen.fillRect(x - width / 2, y - arm, width, 2 * arm);
   }
   area(draw) {
     if (this.drawn?.draw !== draw) this.drawn = { draw, path: this.draws.area(draw) };
@@ -168,8 +178,9 @@ Prf.Map = class {
   drawScene(pen, pixel) {
     const { look, scene } = this,
       dots = (numbers, size) => {
-        const half = (size * pixel) / 2;
-        for (let i = 0; i < numbers.length; i += 2) pen.fillRect(numbers[i] - half, numbers[i + 1] - half, 2 * half, 2 * half);
+        const side = size * pixel;
+        for (let i = 0; i < numbers.length; i += 2)
+          pen.fillRect(numbers[i] - side / 2, numbers[i + 1] - side / 2, side, side);
       },
       lines = (numbers, each, width, colour) => {
         pen.beginPath();

@@ -85,7 +85,8 @@
   byId("png").addEventListener("click", () => byId("map").toBlob((blob) => Page.save(`${data.name}.png`, blob)));
 
   // ---- questions
-  const metres = (value) => value.toFixed(2),
+  const note = { class: "note" },
+    metres = (value) => String(+value.toFixed(3)),
     asPath = () => look.tool === "path";
   function tool(name) {
     look.tool = name;
@@ -105,8 +106,8 @@
   // written: whether the field of coordinates is to follow the map.
   function ask(written) {
     if (written) byId("where").value = look.corners.map((point) => point.map(metres).join(", ")).join("; ");
-    if (written) look.corners = parsed(byId("where").value);
-    byId("metres").textContent = `${metres(look.radius)} m`;
+    look.corners = parsed(byId("where").value).slice(asPath() ? 0 : -1);
+    byId("metres").textContent = figure(look.radius, 2, " m");
     byId("undo").disabled = byId("clear").disabled = !look.corners.length;
     map.draw();
     byId("answer").replaceChildren(...(look.corners.length ? answer() : []));
@@ -121,17 +122,17 @@
     const event = asPath() ? draws.clearAlong(look.corners, look.radius) : draws.blackAt(look.corners[0]),
       found = Prf.estimate(event, draws.starts, draws.smallestEss),
       share = (value) => `${100 * value}%`,
+      what = asPath() ? "all of it is free" : "it is occupied",
+      known = Number.isNaN(found.ess) ? "too few draws" : `ESS ${figure(found.ess, 0)}, R-hat ${rhat(found)}`,
       scale = element("div", [element("i", ""), element("b", "")], { class: "scale", "aria-hidden": "true" });
     scale.firstChild.style.cssText = `left:${share(found.low)};right:${share(1 - found.high)}`;
     scale.lastChild.style.left = share(found.p);
     return [
-      element("p", [element("strong", figure(found.p, 3)), asPath() ? " probability that all of it is free" : " probability that it is occupied"]),
+      element("p", [element("strong", figure(found.p, 3)), ` probability that ${what}`]),
       scale,
       element("p", `${figure(found.low, 3)} to ${figure(found.high, 3)}`, { id: "bounds" }),
-      element("p", [Number.isNaN(found.ess) ? "too few draws" : `ESS ${figure(found.ess, 0)}, R-hat ${rhat(found)}`, doubt(found)], {
-        class: "note",
-      }),
-      ...(asPath() ? against(event) : [element("p", seen() ? "" : "No reading saw this place: p is the prior's.", { class: "note wary" })]),
+      element("p", [known, doubt(found)], note),
+      ...(asPath() ? against(event) : seen() ? [] : [element("p", "No reading saw this place: p is the prior's.", note)]),
     ];
   }
   const rhat = (found) => (found.rhat === Infinity ? "∞" : figure(found.rhat, 2));
@@ -149,7 +150,7 @@
     const button = element("button", "show one", { type: "button", class: "link" });
     let next = 0;
     button.addEventListener("click", () => show("draw", order.indexOf(blocked[next++ % blocked.length])));
-    return [element("p", [`Blocked in ${figure(blocked.length, 0)} of ${figure(draws.n, 0)} draws: `, button], { class: "note" })];
+    return [element("p", [`Blocked in ${figure(blocked.length, 0)} of ${figure(draws.n, 0)} draws: `, button], note)];
   }
   for (const button of document.querySelectorAll("[data-tool]"))
     button.addEventListener("click", () => tool(button.dataset.tool));
@@ -157,10 +158,7 @@
     look.radius = +byId("radius").value;
     ask(false);
   });
-  byId("where").addEventListener("change", () => {
-    look.corners = parsed(byId("where").value).slice(asPath() ? 0 : -1);
-    ask(false);
-  });
+  byId("where").addEventListener("change", () => ask(false));
   byId("undo").addEventListener("click", () => {
     look.corners = look.corners.slice(0, -1);
     ask(true);
