@@ -1,6 +1,6 @@
 """Makes the pictures of README and tutorials anew from data/: `make figures`, about a minute.
 
-The same seeds as in the tutorials. The screenshot of the report needs chromium; that of the labelling page
+The same seeds as in the tutorials. The screenshots of reports need chromium; that of the labelling page
 (`label-town.png`) and figures of benchmarks (`bitmap.png`, `two-doors.png`) are made elsewhere.
 """
 
@@ -40,6 +40,11 @@ ROUTES = {
     "corner: 0.79": ([(12.4, 6.6), (12.6, 5.4), (10.6, 5.2)], "#c77700"),
     "hall: 0.00": ([(10.4, 7.0), (10.4, 9.0), (12.0, 11.2), (13.6, 12.6)], "#c2185b"),
 }
+ROUTE_ASKED = """document.querySelector("[data-tool=path]").click();
+const where = document.getElementById("where");
+where.value = "12.4, 6.6; 12.6, 5.4; 10.6, 5.2";
+where.dispatchEvent(new Event("change"));"""
+"""On the page of the office: may the cart go into that corner?"""
 RADIUS = 0.3
 """Of the cart that takes those routes, in metres."""
 
@@ -113,6 +118,8 @@ def draw_office(folder: Path) -> None:
     call(prf.cli, "grid", "--laser", LOG, "-o", grid, "-q")
     beside_a_grid(run, grid, IMAGES / "posterior-and-grid.png")
     with_routes(run, IMAGES / "tutorial-office.png")
+    call(prf.cli, "report", run, "-q")
+    photograph(folder / "office.html", IMAGES / "report-office.png", ROUTE_ASKED)
 
 
 def draw_town(folder: Path) -> None:
@@ -122,16 +129,15 @@ def draw_town(folder: Path) -> None:
     call(mapq.cli, "render", result, "-o", IMAGES / "demo-town.png", "--force", "-q")
     shrink(IMAGES / "demo-town.png")
     call(mapq.cli, "report", result, "-o", report, "-q")
+    photograph(report, IMAGES / "report-town.png")
+
+
+def photograph(report: Path, path: Path, script: str = "") -> None:
+    """Take a screenshot of a report after a script; the picture stays as it is where there is no browser."""
     program = shutil.which("chromium")
     if program is None:
-        print("report-town.png is left as it is: it needs chromium", file=sys.stderr)
+        print(f"{path.name} is left as it is: it needs chromium", file=sys.stderr)
         return
-    photograph(report, program, IMAGES / "report-town.png")
-    shrink(IMAGES / "report-town.png")
-
-
-def photograph(report: Path, program: str, path: Path) -> None:
-    """Take a screenshot of a report in which the first patch of its list is selected."""
     with (
         sync_playwright() as playwright,
         playwright.chromium.launch(executable_path=program, args=["--no-sandbox"]) as browser,
@@ -140,9 +146,9 @@ def photograph(report: Path, program: str, path: Path) -> None:
         page.set_default_timeout(120_000)
         page.goto(report.as_uri())
         page.wait_for_selector("body[data-ready]")
-        page.locator("tr[data-patch]").first.click()
-        page.evaluate("window.scrollTo(0, 0)")
+        page.evaluate(script)
         page.screenshot(path=path)
+    shrink(path)
 
 
 def main() -> None:
