@@ -125,6 +125,8 @@ def recognise(content: Content) -> Format:
         return known
     if suffix == ".bin" and head:
         return "kitti"
+    if (state := slam_state(head)) is not None:
+        raise InputError(f"{content.source}: {state}.")
     looks_like = _unreadable(head, suffix)
     if looks_like:
         raise InputError(f"{content.source}: {looks_like}. {ACCEPTED}")
@@ -151,8 +153,6 @@ def _unreadable(head: bytes, suffix: str) -> str | None:
     for magic, name in REFUSED:
         if head.startswith(magic):
             return f"this is {name}"
-    if (state := slam_state(head)) is not None:
-        return state
     if suffix in HEADERS:
         return f"no {HEADERS[suffix]} header: the file is damaged, or its name is wrong"
     return "this is binary data of an unknown kind" if b"\0" in head[:4096] else None

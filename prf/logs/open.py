@@ -98,6 +98,10 @@ def _read(path: str, kind: Kind | None, topic: str | None, frame: str | None, co
             return read_bag(Path(copy.name), source, kind, cone, topic, frame, on_robot)
     data = data.removeprefix(BYTE_ORDER_MARK)
     found = recognise(data, source, on_robot)
+    if on_robot and frame is not None:
+        raise ConfigError(
+            f"--frame {frame}: with --poses it names a frame of a bag, which {source} is not. Leave it out."
+        )
     if found == "player":
         return read_player(data, source, kind, cone, topic, frame, on_robot)
     if found == "carmen":
@@ -132,6 +136,8 @@ def read_logs(
         )
     if sonar_topic is not None and sonar is None:
         raise ConfigError(f"readings.sonar_topic {sonar_topic}: names readings of --sonar, which is not given.")
+    if poses is not None and laser is None and sonar is None:
+        raise ConfigError(f"--poses {poses.source}: is for scans of --laser or --sonar, which is not given.")
     beams = cones = None
     if laser is not None:
         try:
@@ -156,7 +162,7 @@ def recognise(data: bytes, source: str, on_robot: bool = False) -> Format:
     if not data.strip():
         looks_like = "the file is empty"
     elif (state := slam_state(data)) is not None:
-        looks_like = state
+        raise InputError(f"{source}: {state}.")
     elif names := [name for magic, name in MAGICS if data.startswith(magic)]:
         looks_like = f"this is {names[0]}"
     elif b"\0" in data:

@@ -10,7 +10,6 @@ or if the two clocks share no second, pose i is that of scan i, and there must b
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -27,7 +26,7 @@ Match = Literal["time", "order"]
 
 GAP = 2.0  # seconds between poses, up to which a robot is taken to go straight from one to the next
 SAME_TIME = 0.01  # seconds: a scan so near to a pose has it, since files round their times
-FEW, MOST = 0.01, 0.5  # shares of scans that are placed by a wrong unit of time at most, and by the right one at least
+FEW = 0.01  # share of scans that a trajectory in another unit of time places by chance
 ALIKE = 5.0  # times longer, as a trajectory may be than the scans that it is for
 UNITS = {"milliseconds": 1e-3, "microseconds": 1e-6, "nanoseconds": 1e-9}
 TILT, LYING = np.cos(np.radians(5.0)), np.cos(np.radians(45.0))
@@ -74,18 +73,17 @@ def placed(readings: Readings, poses: Poses) -> Readings:
         )
     if upward.min() < TILT:
         warnings.append(f"poses are tilted by up to {np.degrees(np.arccos(upward.min())):.0f} degrees: laid flat")
-    origin, angle, mount = readings.origin, readings.angle, scans.pose
+    beams, seats = (readings.origin, readings.angle), (scans.pose[:, :2], scans.pose[:, 2])
     if poses.mount is not None:
-        if len(notes.devices) > 1:
-            raise ConfigError(
-                f"readings.pose_mount: {source} has {', '.join(notes.devices)}; choose the one that sits there with "
-                "--topic."
-            )
-        change = _mount_change(np.array(poses.mount), scans.pose[0])
-        (origin, angle), mount = _moved(change[None], origin, angle), np.tile(poses.mount, (len(scans.pose), 1))
+        is_ring = bool(readings.cone.any())
+        if len(notes.devices) > 1 and not is_ring:
+            which = f"{source} has {', '.join(notes.devices)}"
+            raise ConfigError(f"readings.pose_mount: {which}; choose the one that sits there with --topic.")
+        change = _mount_change(np.array(poses.mount), np.zeros(3) if is_ring else scans.pose[0])[None]
+        beams, seats = _moved(change, *beams), _moved(change, *seats)
     row = np.searchsorted(scans.number, readings.scan)
-    origin, angle = _moved(found[row, :2], origin, angle)
-    where, heading = _moved(found[:, :2], mount[:, :2], mount[:, 2])
+    origin, angle = _moved(found[row, :2], *beams)
+    where, heading = _moved(found[:, :2], *seats)
     number, line, n_beams, device = (
         column[known] for column in (scans.number, scans.line, scans.n_beams, scans.device)
     )
@@ -125,77 +123,75 @@ def _moved(motion: FloatArray, xy: FloatArray, angle: FloatArray) -> tuple[Float
 
 def _matched(scans: ScanTable, poses: Poses, source: str) -> tuple[FloatArray, str, list[str]]:
     """Return the poses (n, 4, 4) of the scans, nan where unknown; how they were found; warnings."""
-    why_not = _why_not_by_time(scans, poses, source)
-    if poses.match == "time" and why_not:
-        raise InputError(f"{why_not}. Leave out readings.pose_match=time.")
-    warnings: list[str] = []
-    if poses.match != "order" and not why_not:
-        found, warnings = _by_time(scans, poses)
-        if np.isfinite(found[:, 0, 0]).any():
-            return found, "matched by time", warnings
-        why_not = _why_apart(scans, poses, source)
-        if poses.match == "time" or len(found) != len(poses.trajectory.poses):
-            raise InputError(why_not)
-        warnings = [f"{why_not} There are as many poses as scans: matched by order"]
-    return _by_order(scans, poses, source, why_not), "matched by order", warnings
+    why_not, known, names = "", poses.trajectory.poses, poses.trajectory.names
+    if poses.match != "order":
+        why_not = _why_not_by_time(scans, poses, source)
+        if not why_not:
+            found, warnings = _by_time(scans, poses)
+            n_placed, unit = np.count_nonzero(np.isfinite(found[:, 0, 0])), _other_unit(scans, poses)
+            if n_placed > (FEW * len(found) if unit else 0):
+                return found, "matched by time", warnings
+            why_not = _why_apart(scans, poses, source, unit)
+        if poses.match == "time":
+            raise InputError(f"{why_not}.")
+    if len(known) != len(scans.number):
+        by_time = f"{why_not}; by order neither: " if why_not else ""
+        counts = f"{source} has {len(scans.number)} scans, {poses.source} {len(known)} poses"
+        raise InputError(f"{by_time}{counts}. Give one pose a scan, or times in both (TUM, CSV t,x,y,theta).")
+    if names is not None and all(name[1:].isdigit() for name in names):  # of g2o
+        known = known[np.argsort([int(name[1:]) for name in names], kind="stable")]
+    is_doubtful = why_not and poses.times is not None
+    return known, "matched by order", [f"{why_not}; as many poses as scans: matched by order"] if is_doubtful else []
 
 
 def _why_not_by_time(scans: ScanTable, poses: Poses, source: str) -> str:
     """Return why scans and poses cannot be matched by time, empty if they can."""
     if poses.times is None:
-        return f"{poses.source}: its poses have no times"
+        return f"{poses.source} has no times"
     if np.isnan(scans.time).all():
-        return f"{source}: its scans have no times"
+        return f"the scans of {source} have no times"
     clocks = [(poses.times, poses.source), *((scans.time[scans.device == d], source) for d in np.unique(scans.device))]
     for time, name in clocks:
         if len(np.unique(time)) < (1.0 - MAX_TIES) * len(time):
-            return f"{name}: many of its times are equal, too coarse to match by"
+            return f"many times of {name} are equal, too coarse to match by"
     return ""
-
-
-def _by_order(scans: ScanTable, poses: Poses, source: str, why: str) -> FloatArray:
-    """Return the poses in their order, of g2o in that of their numbers."""
-    found, names = poses.trajectory.poses, poses.trajectory.names
-    if len(found) != len(scans.number):
-        counts = f"{source} has {len(scans.number)} scans, {poses.source} {len(found)} poses"
-        because = f", and by time they cannot be matched ({why})" if why else ""
-        raise InputError(f"{counts}{because}. Give one pose a scan, or times in both (TUM, or CSV t,x,y,theta).")
-    if names is not None and all(name[1:].isdigit() for name in names):
-        return found[np.argsort([int(name[1:]) for name in names], kind="stable")]
-    return found
 
 
 def _by_time(scans: ScanTable, poses: Poses) -> tuple[FloatArray, list[str]]:
     """Return the poses (n, 4, 4) at the times of the scans, nan where there is none, and warnings."""
     assert poses.times is not None
-    time = in_seconds(scans.time)
-    warnings: list[str] = []
-    found, n_outside = _interpolated(poses, poses.times, time)
-    if _share(found) < FEW:
-        for words, times in _other_units(poses):
-            other, outside = _interpolated(poses, times, time)
-            if _share(other) >= MOST:
-                found, n_outside = other, outside
-                warnings.append(f"the times of {poses.source} are taken for {words}: as seconds they fit no scan")
-                break
+    found, n_outside = _interpolated(poses, poses.times, in_seconds(scans.time))
     n_lost = int(np.count_nonzero(np.isnan(found[:, 0, 0])))
-    if n_lost:
-        parts = {f"outside the time of {poses.source}": n_outside}
-        parts[f"between poses more than readings.pose_gap = {poses.gap:g} s apart"] = n_lost - n_outside
-        words = " and ".join(f"{n} {where}" for where, n in parts.items() if n)
-        warnings.append(f"{n_lost} of {len(found)} scans have no pose and are dropped: {words}")
-    return found, warnings
+    parts = {f"outside the time of {poses.source}": n_outside}
+    parts[f"between poses more than readings.pose_gap = {poses.gap:g} s apart"] = n_lost - n_outside
+    words = " and ".join(f"{n} {where}" for where, n in parts.items() if n)
+    return found, [f"{n_lost} of {len(found)} scans have no pose and are dropped: {words}"] if n_lost else []
 
 
-def _share(found: FloatArray) -> float:
-    return float(np.isfinite(found[:, 0, 0]).mean())
+def _other_unit(scans: ScanTable, poses: Poses) -> str:
+    """Return the unit in which the poses would take as long as the scans, if that is not seconds."""
+    assert poses.times is not None
+    time = in_seconds(scans.time)
+    longer = np.ptp(poses.times) / max(np.nanmax(time) - np.nanmin(time), SAME_TIME)
+    return next((unit for unit, factor in UNITS.items() if 1.0 / ALIKE < longer * factor < ALIKE), "")
 
 
-def _other_units(poses: Poses) -> Iterator[tuple[str, FloatArray]]:
-    """Yield the times of the poses as they would be in other units."""
-    assert poses.trajectory.times is not None
-    for unit, factor in UNITS.items():
-        yield unit, poses.trajectory.times * factor + poses.offset
+def _why_apart(scans: ScanTable, poses: Poses, source: str, unit: str) -> str:
+    """Return why no scan has a pose by time, and what to do."""
+    assert poses.times is not None
+    if unit:
+        return f"the times of {poses.source} look like {unit}, those of {source} are seconds: give seconds"
+    time = in_seconds(scans.time)
+    first, last, start, end = np.nanmin(time), np.nanmax(time), poses.times.min(), poses.times.max()
+    if first <= end and last >= start:
+        return (
+            f"no scan of {source} lies between two poses of {poses.source} at most {poses.gap:g} s apart; "
+            "--set readings.pose_gap=SECONDS allows longer gaps"
+        )
+    return (
+        f"the times of {poses.source} ({start:.3f} to {end:.3f} s) share none with those of {source} ({first:.3f} to "
+        f"{last:.3f} s); if both began together, --set readings.pose_offset={first - start + poses.offset:.3f}"
+    )
 
 
 def _interpolated(poses: Poses, times: FloatArray, at: FloatArray) -> tuple[FloatArray, int]:
@@ -216,22 +212,3 @@ def _interpolated(poses: Poses, times: FloatArray, at: FloatArray) -> tuple[Floa
     found = rigid(turn, shift)
     found[~usable] = np.nan
     return found, int(np.count_nonzero(~inside))
-
-
-def _why_apart(scans: ScanTable, poses: Poses, source: str) -> str:
-    """Return why no scan has a pose by time, and what to do."""
-    assert poses.times is not None
-    time = in_seconds(scans.time)
-    first, last, start, end = np.nanmin(time), np.nanmax(time), poses.times.min(), poses.times.max()
-    for unit, factor in UNITS.items():
-        if 1.0 / ALIKE < (end - start) * factor / max(last - first, SAME_TIME) < ALIKE:
-            return f"{poses.source}: its times look like {unit}, those of {source} are seconds. Give seconds."
-    if first <= end and last >= start:
-        return (
-            f"{poses.source}: no scan of {source} lies between two poses that are at most {poses.gap:g} s apart. Give "
-            "denser poses, or --set readings.pose_gap=SECONDS."
-        )
-    return (
-        f"{poses.source}: its times ({start:.3f} to {end:.3f} s) share none with those of {source} ({first:.3f} to "
-        f"{last:.3f} s). If both began together: --set readings.pose_offset={first - start + poses.offset:.3f}."
-    )

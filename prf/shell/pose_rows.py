@@ -26,15 +26,15 @@ G2O_OTHERS = ("EDGE_", "FIX", "PARAMS_", "VERTEX_XY", "VERTEX_TRACKXYZ")
 SLAM_STATES = (
     (
         (0x7B1D1F7B5BF501DB).to_bytes(8, "little"),
-        "this is the state of Cartographer (.pbstream). Export its trajectory with cartographer_ros's "
-        "cartographer_dev_pbstream_trajectories_to_rosbag, make a TUM file of that (evo_traj bag FILE TOPIC "
-        "--save_as_tum), and give it as --poses",
+        "this is the state of Cartographer (.pbstream). Make a bag of it by cartographer_ros's "
+        "cartographer_dev_pbstream_trajectories_to_rosbag, of that a TUM file by evo_traj bag BAG TOPIC --save_as_tum, "
+        "and give this as --poses",
     ),
     (
         b"\x16\0\0\0\0\0\0\0serialization::archive",
-        "this is the state of slam_toolbox (.posegraph, .data), which exports no poses. Record /tf and the scans while "
-        "it maps or localizes, and give that bag; or its topic /pose as a TUM file (evo_traj bag2 BAG /pose "
-        "--save_as_tum) as --poses",
+        "this is the state of slam_toolbox (.posegraph, .data), which exports no poses. Record scans and /tf while it "
+        "maps or localizes, and give that bag; or make a TUM file of its topic by evo_traj bag2 BAG /pose "
+        "--save_as_tum, and give this as --poses",
     ),
 )
 """How state files of SLAM programs begin, and what to take instead."""

@@ -23,6 +23,8 @@ UPRIGHT = 0.9
 """Least upward component of the z axes of sensors that all stand upright, and ..."""
 TILTED = 0.5
 """... the one below which a sensor does not."""
+WIDEST = 4.0 * np.pi
+"""Radians: a larger heading is in degrees."""
 TICKS = ((9e17, 1e-9), (9e14, 1e-6), (9e11, 1e-3))
 """Times of this millennium are above these where they are nano-, micro- or milliseconds since 1970."""
 
@@ -91,7 +93,8 @@ def read_trajectory(path: str, quaternion: Order | None = None, key: str = "quat
     _refuse_far(values, where)
     layout = "g2o" if rows.is_g2o else {8: "TUM", 12: "KITTI", 4: "t x y theta"}.get(width, f"rows of {width}")
     if is_planar:
-        poses = _of_plane(values)
+        zero = np.zeros((len(values), 2))
+        poses = _of_angles(np.column_stack([values[:, :2], zero[:, 0]]), np.column_stack([values[:, 2], zero]), where)
     elif values.shape[1] == 7:
         poses = _of_quaternions(values, where, path, quaternion, key)
     else:
@@ -146,19 +149,21 @@ def _of_columns(rows: PoseRows) -> Trajectory:
     zero = np.zeros(len(rows.where))
     place = np.column_stack([column.get(name, zero) for name in "xyz"])
     if "theta" in column:
-        angles = [column.get(name, zero) for name in ("theta", "pitch", "roll")]
-        poses = rigid(Rotation.from_euler("ZYX", np.column_stack(angles)).as_matrix(), place)
+        turns = np.column_stack([column.get(name, zero) for name in ("theta", "pitch", "roll")])
+        poses = _of_angles(place, turns, rows.where)
     else:
         quaternions = [column[f"q{axis}"] for axis in "xyzw"]
         poses = _of_quaternions(np.column_stack([place, *quaternions]), rows.where, "", "xyzw", "")
     return Trajectory(poses, None, None if times is None else in_seconds(times), "CSV")
 
 
-def _of_plane(values: Floats) -> Floats:
-    """Return the poses of rows x y theta, or t x y theta without t."""
-    return rigid(
-        Rotation.from_euler("Z", values[:, 2:]).as_matrix(), np.column_stack([values[:, :2], np.zeros(len(values))])
-    )
+def _of_angles(place: Floats, turns: Floats, where: Sequence[str]) -> Floats:
+    """Return the poses of places (k, 3) and turns (k, 3) about z, then y, then x."""
+    wide = np.flatnonzero(np.abs(turns).max(axis=1) > WIDEST)
+    if len(wide):
+        found = f"an angle is {np.abs(turns[wide[0]]).max():g} rad"
+        raise InputError(f"{where[wide[0]]}: {found}. If these are degrees, name the column so in a header: yaw_deg.")
+    return rigid(Rotation.from_euler("ZYX", turns).as_matrix(), place)
 
 
 def _of_matrices(values: Floats, where: Sequence[str]) -> Floats:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import re
 from pathlib import Path
 
@@ -9,9 +10,10 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from prf.logs import describe, read_readings
+from prf.logs import describe, read_poses, read_readings
 from prf.logs.poses import half_circle
 from prf.shell.errors import InputError, PrfError
+from tests.logs.samples import save
 
 # name: scans, beams a scan, width and height of the path in metres, largest range
 LOGS = {
@@ -62,6 +64,22 @@ def occupied_cells(readings, angle) -> int:
     hit = readings.range < 0.97 * readings.largest_range
     ends = readings.origin + readings.range[:, None] * np.column_stack((np.cos(angle), np.sin(angle)))
     return len(np.unique(np.floor(ends[hit] / 0.04).astype(np.int64), axis=0))
+
+
+def test_scans_of_a_drifting_log_with_the_poses_of_the_corrected_one(carmen, tmp_path):
+    name = str(carmen / "freiburg-101-corrected.log.gz")
+    right = read_readings(name)
+    pose, time = right.notes.scans.pose, right.notes.scans.time
+    lines = [line.split() for line in gzip.open(name, "rt") if line.startswith("FLASER")]
+    drifting = [[*line[:362], *[str(0.1 * k)] * 6, *line[368:]] for k, line in enumerate(lines)]
+    log = save(tmp_path, "".join(" ".join(line) + "\n" for line in drifting))
+    half, zero = pose[:, 2] / 2, np.zeros(len(pose))
+    np.savetxt(tmp_path / "tum", np.column_stack([time, pose[:, :2], *[zero] * 3, np.sin(half), np.cos(half)]))
+    np.savetxt(tmp_path / "csv", np.column_stack([time, pose]), delimiter=",", header="t,x,y,theta", comments="")
+    for file in ("tum", "csv"):
+        found = read_readings(log, poses=read_poses(str(tmp_path / file)))
+        np.testing.assert_allclose(found.origin, right.origin, atol=1e-12)
+        np.testing.assert_allclose(np.exp(1j * found.angle), np.exp(1j * right.angle), atol=1e-12)
 
 
 @pytest.mark.parametrize(

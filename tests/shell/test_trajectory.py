@@ -113,8 +113,9 @@ def test_rounded_rotations_become_exact(tmp_path):
         ("1 0 0 0 0 2 0 0 0 0 1 0\n", "poses.txt:1: the matrix of this pose is no rotation"),
         ("1 0 0 0 0 1 0 0 0 0 -1 0\n", "poses.txt:1: the matrix of this pose mirrors"),
         ("t,x,y\n0,1,2\n", "poses.txt:1: the header does not name the columns of poses"),
+        ("t,x,y,yaw\n0,1,2,3\n0,1,2,90\n", r"poses.txt:3: an angle is 90 rad. If .* yaw_deg"),
         ("t,x,y,theta\n0,1,2,3\n0,1,2\n", "poses.txt:3: 3 columns below a header of 4"),
-        ("\x16\0\0\0\0\0\0\0serialization::archive", r"state of slam_toolbox .* Record /tf"),
+        ("\x16\0\0\0\0\0\0\0serialization::archive", r"state of slam_toolbox .* Record scans and /tf"),
         ("1 0 0 0 0 1 0 0 0 0 1 0 5 5 5 1\n", "poses.txt:1: the last row of this 4x4 matrix"),
     ],
 )
