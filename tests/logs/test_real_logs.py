@@ -70,7 +70,8 @@ def test_scans_of_a_drifting_log_with_the_poses_of_the_corrected_one(carmen, tmp
     name = str(carmen / "freiburg-101-corrected.log.gz")
     right = read_readings(name)
     pose, time = right.notes.scans.pose, right.notes.scans.time
-    lines = [line.split() for line in gzip.open(name, "rt") if line.startswith("FLASER")]
+    text = gzip.decompress(Path(name).read_bytes()).decode()
+    lines = [line.split() for line in text.splitlines() if line.startswith("FLASER")]
     drifting = [[*line[:362], *[str(0.1 * k)] * 6, *line[368:]] for k, line in enumerate(lines)]
     log = save(tmp_path, "".join(" ".join(line) + "\n" for line in drifting))
     half, zero = pose[:, 2] / 2, np.zeros(len(pose))
