@@ -180,6 +180,7 @@ def _summary(run: Run, folder: Path, asked_steps: int | None) -> Iterator[str]:
 
     from prf.agreement import Agreement
     from prf.shell import console
+    from prf.shell.pictures import counted
 
     assert run.diagnostics is not None
     assert run.progress is not None
@@ -187,7 +188,7 @@ def _summary(run: Run, folder: Path, asked_steps: int | None) -> Iterator[str]:
     rounded = f" (rounded up from {asked_steps:,})" if asked_steps is not None and steps > asked_steps else ""
     yield (
         f"Mapped {_readings(run)} in {window.width:.1f} x {window.height:.1f} m: {len(run.draws):,} draws of "
-        f"{_chains(run)}, {steps:,} steps each{rounded}."
+        f"{counted(run.manifest['configuration']['chains'], 'chain')}, {steps:,} steps each{rounded}."
     )
     yield _verdict(run, run.progress.status)
     ground = Agreement.of_document(diagnostics["agreement"]).words()
@@ -201,12 +202,6 @@ def _summary(run: Run, folder: Path, asked_steps: int | None) -> Iterator[str]:
     if run.best:
         yield f"best map  {folder}/map.geojson"
     yield f"run       {folder}/; as one page: prf report {shlex.quote(str(folder))}"
-
-
-def _chains(run: Run) -> str:
-    from prf.shell.pictures import counted
-
-    return counted(run.manifest["configuration"]["chains"], "chain")
 
 
 def _readings(run: Run) -> str:

@@ -303,7 +303,7 @@ class Run:
         InputError
             If the run has no image yet.
         """
-        from prf.render import plot_posterior  # noqa: PLC0415
+        from prf.render.posterior import plot_posterior  # noqa: PLC0415
 
         return plot_posterior(self, ax)
 
