@@ -55,8 +55,6 @@ JSON_NAMES = ("file_path", "name", "file")
 """Keys of transforms.json (nerfstudio), of Open3D's pose graphs, and others of that kind."""
 UNITS = {"ns": 1e-9, "us": 1e-6, "ms": 1e-3, "deg": math.radians(1.0), "degrees": math.radians(1.0)}
 """Units other than seconds and radians behind a name: ``yaw_deg``, ``timestamp [ns]``."""
-USUAL = ("t", "x", "y", "z", "qx", "qy", "qz", "qw")
-"""Columns of TUM, whose header says nothing new."""
 
 
 class PoseRows(NamedTuple):
@@ -69,17 +67,6 @@ class PoseRows(NamedTuple):
     is_g2o: bool = False
 
 
-class _Header(NamedTuple):
-    line: int  # from 0
-    n: int  # columns in the file
-    columns: dict[str, tuple[int, float]]  # meaning to place in a row, and factor to seconds or radians
-
-    @property
-    def is_usual(self) -> bool:
-        """Whether rows can be read as if there were no header."""
-        return tuple(self.columns) in (USUAL, USUAL[1:]) and self.n == len(self.columns)
-
-
 def read_pose_rows(path: str, layouts: str) -> PoseRows:
     """Read the rows of a file of text, gzipped or not; `layouts` says in messages what is read."""
     source = "standard input" if path == STREAM else path
@@ -87,15 +74,15 @@ def read_pose_rows(path: str, layouts: str) -> PoseRows:
     if text.lstrip()[:1] in ("[", "{"):
         return _of_json(text, source, layouts)
     lines = text.splitlines()
-    header = _header(lines, source)
-    if header is not None and not header.is_usual:
-        return _of_table(lines, header, source, layouts)
+    table = _of_table(lines, source, layouts)
+    if table is not None:
+        return table
     where, rows, is_g2o = [], [], False
     for number, line in enumerate(lines, 1):
         fields = _words(line.partition("#")[0])
         if fields and fields[0] in G2O_VERTICES:
             is_g2o, fields = True, ["v" + "".join(fields[1:2]), *fields[2:]]
-        if fields and not fields[0].startswith(G2O_OTHERS) and (header is None or number != header.line + 1):
+        if fields and not fields[0].startswith(G2O_OTHERS):
             where.append(f"{source}:{number}")
             rows.append(fields)
     if not rows:
@@ -181,25 +168,6 @@ def _is_number(text: str) -> bool:
     return True
 
 
-def _header(lines: Sequence[str], source: str) -> _Header | None:
-    """Return the line that names the columns, which may be a comment; None if there is none."""
-    for at, line in enumerate(lines):
-        text = line.strip().lstrip("#% ")
-        is_comment, cells = line.lstrip().startswith("#"), _cells(text)
-        if not text or (not is_comment and any(map(_is_number, cells))):
-            if text:
-                return None
-            continue
-        columns = _columns(cells)
-        is_pose = {"x", "y"} <= columns.keys() and ("theta" in columns or set(USUAL[4:]) <= columns.keys())
-        if is_pose:
-            return _Header(at, len(cells), columns)
-        if not is_comment:
-            wanted = "Name the columns t,x,y,theta or t,x,y,z,qx,qy,qz,qw (t and z may be missing)."
-            raise InputError(f"{source}:{at + 1}: the header does not name the columns of poses. {wanted}")
-    return None
-
-
 def _columns(names: Sequence[str]) -> dict[str, tuple[int, float]]:
     """Return what the columns mean, by their names."""
     found: dict[str, tuple[int, float]] = {}
@@ -212,18 +180,29 @@ def _columns(names: Sequence[str]) -> dict[str, tuple[int, float]]:
     return dict(sorted(found.items(), key=lambda item: item[1]))
 
 
-def _of_table(lines: Sequence[str], header: _Header, source: str, layouts: str) -> PoseRows:
-    """Return the known columns of the rows below a header, in seconds and radians."""
-    where, rows = [], []
-    places, factors = zip(*header.columns.values(), strict=True)
-    for number, line in enumerate(lines[header.line + 1 :], header.line + 2):
-        if not line.strip() or line.lstrip().startswith("#"):
-            continue
-        where.append(f"{source}:{number}")
-        cells = _cells(line.strip())
-        if len(cells) != header.n:
-            raise InputError(f"{where[-1]}: {len(cells)} columns below a header of {header.n}. Mend this line.")
-        rows.append([cells[place] for place in places])
+def _of_table(lines: Sequence[str], source: str, layouts: str) -> PoseRows | None:
+    """Return the known columns of rows below a header, which may be a comment, in seconds and radians; None without."""
+    content = [(number, line.strip()) for number, line in enumerate(lines, 1) if line.strip()]
+    data = [(number, _cells(line)) for number, line in content if not line.startswith("#")]
+    for number, line in content:
+        names, is_comment = _cells(line.lstrip("#% ")), line.startswith("#")
+        columns = _columns(names)
+        if {"x", "y"} <= columns.keys() and ("theta" in columns or {"qx", "qy", "qz", "qw"} <= columns.keys()):
+            if not is_comment or (data and len(data[0][1]) == len(names)):
+                break
+        elif not is_comment and not any(map(_is_number, names)):
+            wanted = "Name the columns t,x,y,theta or t,x,y,z,qx,qy,qz,qw (t and z may be missing)."
+            raise InputError(f"{source}:{number}: the header does not name the columns of poses. {wanted}")
+        if not is_comment:
+            return None
+    else:
+        return None
+    rows = [(f"{source}:{at}", cells) for at, cells in data if at > number]
+    for place, cells in rows:
+        if len(cells) != len(names):
+            raise InputError(f"{place}: {len(cells)} columns below a header of {len(names)}. Mend this line.")
     if not rows:
         raise InputError(f"{source}: no poses. {layouts}")
-    return PoseRows(where, numbers(rows, where, layouts) * np.array(factors), columns=tuple(header.columns))
+    places, factors = zip(*columns.values(), strict=True)
+    values = numbers([[cells[at] for at in places] for _, cells in rows], [place for place, _ in rows], layouts)
+    return PoseRows([place for place, _ in rows], values * np.array(factors), columns=tuple(columns))
