@@ -20,6 +20,7 @@ from prf.logs.poses import MAX_TIES, mounted
 from prf.logs.readings import Readings, ScanTable
 from prf.logs.text import FloatArray, check_domains
 from prf.shell.errors import ConfigError, InputError
+from prf.shell.files import STREAM
 from prf.shell.trajectory import Order, Trajectory, in_seconds, read_trajectory, rigid
 
 Match = Literal["time", "order"]
@@ -57,7 +58,8 @@ class Poses:
 
 def read_poses(path: str, quaternion: Order | None = None, **how: object) -> Poses:
     """Read the poses of a file; `how` as the fields of :class:`Poses`."""
-    return Poses(read_trajectory(path, quaternion, "readings.pose_quaternion"), path, **how)  # type: ignore[arg-type]
+    trajectory = read_trajectory(path, quaternion, "readings.pose_quaternion")
+    return Poses(trajectory, "standard input" if path == STREAM else path, **how)  # type: ignore[arg-type]
 
 
 def placed(readings: Readings, poses: Poses) -> Readings:
