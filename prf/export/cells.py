@@ -147,10 +147,10 @@ def cut_to_known(found: Map, image: PosteriorImage | None, extrapolate: float) -
 
 
 def known_ground(image: PosteriorImage, extrapolate: float) -> BaseGeometry:
-    """Return the ground of the cells that :func:`known_cells` names."""
-    row, column = np.nonzero(known_cells(image, extrapolate))
-    low = image.origin + image.resolution * np.column_stack([column, row])
-    high = low + image.resolution
+    """Return the ground of the cells that :func:`known_cells` names, joined from boxes of whole runs in a row."""
+    row, ends = (np.diff(np.pad(known_cells(image, extrapolate), ((0, 0), (1, 1))).astype(np.int8)) != 0).nonzero()
+    low = image.origin + image.resolution * np.column_stack([ends[::2], row[::2]])
+    high = image.origin + image.resolution * np.column_stack([ends[1::2], row[1::2] + 1])
     boxes = shapely.box(*(low - SEAM).T, *(high + SEAM).T)
     ground: BaseGeometry = shapely.union_all(boxes)
     return ground

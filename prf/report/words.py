@@ -48,13 +48,16 @@ def agreement_line(run: Run) -> str:
         return f"{tag}Where the chains agree is not known: that takes two of them."
     line = f"{tag}The chains agree on {math.floor(100.0 * found.seen)} % of the seen ground"
     if found.places:
-        line += ", and differ most at " + ", ".join(map(_place_button, found.places))
+        last = len(found.places) - 1
+        places = [_place_button(place, "," if i < last else "") for i, place in enumerate(found.places)]
+        line += f", and differ most at {' '.join(places)}"
     return f"{line}{_outlook(diagnosed)}."
 
 
-def _place_button(place: Place) -> str:
+def _place_button(place: Place, after: str) -> str:
     at = f"{place.x:.2f},{place.y:.2f},{math.sqrt(place.area):.2f}"
-    return f'<button type="button" class="link" data-place="{at}">({number(place.x, 1)}, {number(place.y, 1)})</button>'
+    words = f"({number(place.x, 1)}, {number(place.y, 1)})"
+    return f'<span class="keep"><button type="button" class="link" data-place="{at}">{words}</button>{after}</span>'
 
 
 def _outlook(diagnosed: Mapping[str, Any]) -> str:

@@ -150,3 +150,17 @@ def test_a_phone_shows_map_and_question_together(phone, report):
     phone.locator("#map").tap()
     box = phone.locator("#answer").bounding_box()
     assert box["y"] + box["height"] < 844
+
+
+def test_two_fingers_zoom_and_ask_nothing(phone, report):
+    phone.goto(report.as_uri())
+    phone.wait_for_selector("body[data-ready]")
+    box, session = phone.locator("#map").bounding_box(), phone.context.new_cdp_session(phone)
+    before = phone.evaluate("document.getElementById('map').toDataURL()")
+    for kind, apart in (("touchStart", 40), ("touchMove", 60), ("touchMove", 120), ("touchEnd", None)):
+        places = [] if apart is None else [box["x"] + box["width"] / 2 + side * apart for side in (-1, 1)]
+        points = [{"x": x, "y": box["y"] + 100, "id": number} for number, x in enumerate(places)]
+        session.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
+    phone.wait_for_timeout(100)
+    assert phone.evaluate("document.getElementById('map').toDataURL()") != before
+    assert phone.locator("#where").input_value() == ""

@@ -1,6 +1,6 @@
 "use strict";
 (async () => {
-  const { byId, element, figure, press } = Page;
+  const { byId, choice, element, figure, press } = Page;
   const [data, drawn, cells, numbers] = await Promise.all([
     Page.unpackJson("data"),
     Page.unpack("draws"),
@@ -26,8 +26,7 @@
     look.base = base;
     look.draw = order[position];
     byId("draw").value = position;
-    for (const button of document.querySelectorAll("[data-base]"))
-      button.setAttribute("aria-pressed", String(button.dataset.base === base));
+    pressBase(base);
     const chain = draws.chainOf(look.draw);
     byId("drawn").textContent =
       `draw ${figure(position + 1, 0)} of ${figure(draws.n, 0)}: chain ${draws.chains[chain] + 1}, ` +
@@ -50,13 +49,10 @@
   byId("play").addEventListener("click", () => play(!timer));
   byId("draw").max = draws.n - 1;
   byId("draw").addEventListener("input", () => show("draw"));
-  for (const button of document.querySelectorAll("[data-base]")) {
-    button.disabled = button.dataset.base === "best" && !map.best;
-    button.addEventListener("click", () => {
-      play(false);
-      show(button.dataset.base);
-    });
-  }
+  const pressBase = choice("base", (base) => {
+    play(false);
+    show(base);
+  });
   const has = {
     outline: scene.best.length,
     path: scene.path.length,
@@ -71,14 +67,13 @@
     });
   }
   byId("whole").addEventListener("click", () => map.show());
-  for (const button of document.querySelectorAll("[data-place]"))
-    button.addEventListener("click", () => {
-      const [x, y, side] = button.dataset.place.split(",").map(Number),
-        reach = Math.max(1.5, 2 * side);
-      map.show([x - reach, y - reach, x + reach, y + reach]);
-      byId("map").scrollIntoView({ block: "nearest" });
-    });
-  byId("geojson").disabled = !map.best;
+  choice("place", (place) => {
+    const [x, y, side] = place.split(",").map(Number),
+      reach = Math.max(1.5, 2 * side);
+    map.show([x - reach, y - reach, x + reach, y + reach]);
+    byId("map").scrollIntoView({ block: "nearest" });
+  });
+  byId("geojson").disabled = document.querySelector("[data-base=best]").disabled = !map.best;
   byId("geojson").addEventListener("click", () =>
     Page.save(`${data.name}.geojson`, new Blob([data.map], { type: "application/geo+json" })),
   );
@@ -91,8 +86,7 @@
   function tool(name) {
     look.tool = name;
     if (!asPath()) look.corners = look.corners.slice(-1);
-    for (const button of document.querySelectorAll("[data-tool]"))
-      button.setAttribute("aria-pressed", String(button.dataset.tool === name));
+    pressTool(name);
     byId("disc").hidden = byId("drawing").hidden = !asPath();
     byId("hint").textContent = asPath()
       ? "Click the corners of the path, or give them: x, y; x, y"
@@ -152,8 +146,7 @@
     button.addEventListener("click", () => show("draw", order.indexOf(blocked[next++ % blocked.length])));
     return [element("p", [`Blocked in ${figure(blocked.length, 0)} of ${figure(draws.n, 0)} draws: `, button], note)];
   }
-  for (const button of document.querySelectorAll("[data-tool]"))
-    button.addEventListener("click", () => tool(button.dataset.tool));
+  const pressTool = choice("tool", tool);
   byId("radius").addEventListener("input", () => {
     look.radius = +byId("radius").value;
     ask(false);

@@ -46,6 +46,8 @@ const Canvas = (() => {
       long = length * scale * density,
       left = pen.canvas.width - 14 * density - long;
     label(pen, `${metres(length)} m`, left, 14 * density, density);
+    pen.fillStyle = Theme.colour("map-free");
+    pen.fillRect(left - density, 17 * density, long + 2 * density, 5 * density);
     pen.fillStyle = Theme.colour("map-ink");
     pen.fillRect(left, 18 * density, long, 3 * density);
   }

@@ -32,10 +32,16 @@ const Page = (() => {
     );
   }
   const press = (id, on) => byId(id).setAttribute("aria-pressed", String(on));
+  // Buttons with data-NAME, of which one is pressed: returns what presses the one of a value.
+  function choice(name, onClick) {
+    const buttons = [...document.querySelectorAll(`[data-${name}]`)];
+    for (const button of buttons) button.addEventListener("click", () => onClick(button.dataset[name]));
+    return (value) => buttons.forEach((each) => each.setAttribute("aria-pressed", String(each.dataset[name] === value)));
+  }
   function save(name, blob) {
     const link = element("a", "", { href: URL.createObjectURL(blob), download: name });
     link.click();
     setTimeout(() => URL.revokeObjectURL(link.href), 1e4);
   }
-  return { byId, element, figure, gunzip, listed, press, save, unbase64, unpack, unpackJson };
+  return { byId, choice, element, figure, gunzip, listed, press, save, unbase64, unpack, unpackJson };
 })();
