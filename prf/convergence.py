@@ -28,6 +28,8 @@ STALLED = 0.75
 ROUND_NUMBERS = (1, 2, 3, 4, 5, 6, 8, 10, 15, 20, 30, 45)
 """Seconds in tens, minutes and hours that people give."""
 
+TIME_UNITS = ((86400.0, "day"), (3600.0, "hour"), (60.0, "minute"), (1.0, "second"))
+
 Floats = NDArray[np.float64]
 State = Literal["varies", "constant", "stuck", "short", "not finite"]
 Trend = Literal["agree", "nearing", "flat", "unknown"]
@@ -177,6 +179,12 @@ def rounded(seconds: float) -> float:
     """Return a time of few digits that is not shorter, or hardly."""
     times = (number * unit for unit in (10.0, 60.0, 3600.0) for number in ROUND_NUMBERS)
     return next((time for time in times if time >= 0.99 * seconds), 86400.0 * math.ceil(seconds / 86400.0))
+
+
+def time_words(seconds: float) -> str:
+    """Return a time in words."""
+    unit, name = next(((unit, name) for unit, name in TIME_UNITS if seconds >= unit), TIME_UNITS[-1])
+    return f"{round(seconds / unit)} {name}{'s' if seconds > unit else ''}"
 
 
 def effective_size(values: NDArray[Any]) -> Floats:

@@ -48,8 +48,6 @@ TimeBudget = Annotated[
 ]
 Resume = Annotated[str | None, typer.Option("--resume", metavar="RUN", help="Continue this run from its checkpoint.")]
 
-TIME_UNITS = ((86400.0, "day"), (3600.0, "hour"), (60.0, "minute"), (1.0, "second"))
-
 SOURCES: dict[ReadingKind, str] = {"laser": "--laser", "sonar": "--sonar", "points": "--point-data"}
 """Kind of readings to the option that names its log."""
 
@@ -243,13 +241,15 @@ def _advice(run: Run, folder: Path) -> str:
     """Return in words what to do about chains that do not agree; empty if there is none."""
     import shlex
 
+    from prf.convergence import time_words
+
     assert run.diagnostics is not None
     configuration, diagnostics = run.manifest["configuration"], run.diagnostics
     seconds, is_flat = diagnostics["suggested_seconds"], diagnostics["trend"] == "flat"
     is_tempered, waits = "tempering" in diagnostics, configuration.get("temperatures") == "auto"
     again = f"prf sample --resume {shlex.quote(str(folder))}"
     if seconds is not None:
-        return f"About {_time_words(seconds)} more at this speed: {again} --time-budget {seconds:.0f}"
+        return f"About {time_words(seconds)} more at this speed: {again} --time-budget {seconds:.0f}"
     if _is_short(diagnostics) or configuration["chains"] == 1:
         return f"Run longer, to agreement or for 30 minutes: {again}"
     if diagnostics["converged_seen"]:
@@ -260,12 +260,6 @@ def _advice(run: Run, folder: Path) -> str:
     if is_flat:
         return f"The chains come no nearer, more time alone will not help: {other}."
     return f"Run longer ({again}), or {other}."
-
-
-def _time_words(seconds: float) -> str:
-    """Return a time in words."""
-    unit, name = next(((unit, name) for unit, name in TIME_UNITS if seconds >= unit), TIME_UNITS[-1])
-    return f"{round(seconds / unit)} {name}{'s' if seconds > unit else ''}"
 
 
 def _ladders(reports: list[dict[str, Any]]) -> str:

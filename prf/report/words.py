@@ -8,7 +8,7 @@ from pathlib import PurePath
 from typing import Any
 
 from prf.agreement import Place
-from prf.convergence import Diagnosis, rounded
+from prf.convergence import Diagnosis, time_words
 from prf.run import Run
 from prf.shell.page.markup import escape, table
 from prf.shell.pictures import counted, number, window_words
@@ -64,12 +64,7 @@ def _outlook(diagnosed: Mapping[str, Any]) -> str:
     if diagnosed.get("converged") is False and diagnosed.get("trend") == "flat":
         return "; more time alone will not help"
     seconds = diagnosed.get("suggested_seconds")
-    return f"; about {_time(rounded(seconds))} more would bring agreement" if seconds else ""
-
-
-def _time(seconds: float) -> str:
-    size, unit = next((size, unit) for size, unit in ((3600.0, "h"), (60.0, "min"), (0.0, "s")) if seconds >= 2 * size)
-    return f"{seconds / (size or 1.0):.0f} {unit}"
+    return f"; about {time_words(seconds)} more would bring agreement" if seconds else ""
 
 
 def functional_table(run: Run) -> str:
@@ -105,7 +100,7 @@ def origin_table(run: Run) -> str:
         *(("input", f"{row.get('path')}, sha256 {row.get('sha256')}") for row in made.get("inputs") or ()),
         ("status", made.get("status")),
         ("steps a chain", f"{counted(made.get('steps') or 0, 'step')}, {made.get('burn_in') or 0:,} of them burn-in"),
-        ("sampling time", _time(made["seconds"]) if made.get("seconds") else None),
+        ("sampling time", time_words(made["seconds"]) if made.get("seconds") else None),
         ("seed", made.get("seed")),
         ("versions", ", ".join(f"{name} {version}" for name, version in (made.get("versions") or {}).items())),
     ]

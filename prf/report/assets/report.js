@@ -104,7 +104,8 @@
     byId("metres").textContent = figure(look.radius, 2, " m");
     byId("undo").disabled = byId("clear").disabled = !look.corners.length;
     map.draw();
-    byId("answer").replaceChildren(...(look.corners.length ? answer() : []));
+    const wrong = byId("where").value.trim() ? [element("p", "These are no coordinates: give x, y in metres.")] : [];
+    byId("answer").replaceChildren(...(look.corners.length ? answer() : wrong));
   }
   function parsed(text) {
     const pairs = text.split(/[;\n]/).map((pair) => pair.trim().split(/[\s,]+/).map(Number));
