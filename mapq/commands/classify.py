@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import logging
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -25,7 +25,6 @@ from mapq.commands._options import (
     Topic,
     Unit,
     Workers,
-    beside,
     is_verbose,
     load_model,
     parse_share,
@@ -115,6 +114,8 @@ def classify(
     from mapq.configuration import load_configuration
     from mapq.io.results import result_lines
     from prf.shell import console, jsonout
+    from prf.shell.errors import UsageError
+    from prf.shell.files import STREAM
 
     given: dict[str, object] = {"config": config, "preset": preset, "assignments": assignments, "max_tilt": max_tilt}
     given |= {"unit": unit, "topic": topic, "max_false_alarms": max_false_alarms}
@@ -124,17 +125,14 @@ def classify(
     limits = fail_over, MIN_COVERAGE if min_coverage is None else min_coverage
     how = {"n_workers": workers, "scheduler": scheduler, "tile_points": tile_points}
     how = {name: value for name, value in how.items() if value is not None}
-    if are_scans(inputs, scans):
-        _refuse_tiles(how)
-        target = output or default_name(inputs, scans, ".classified.ply")
-        result = _classify_scans(inputs, scans, target, model, chosen, force)
-        result.save(target, fail_over=limits[0], min_coverage=limits[1], force=True)
-    elif how or _is_folder_of_tiles(file):
+    if how and are_scans(inputs, scans):
+        raise UsageError("scans are merged in memory, not in tiles. Leave --workers and the like out; see --every.")
+    if how or (_is_folder_of_tiles(file) and not are_scans(inputs, scans)):
         target = output or _tiled_target(file)
         result = _classify_tiles(file, target, model, chosen, options, how, limits, force)
     else:
-        target = output or beside(file if file != "-" else "map", ".classified.ply")
-        result = _classify([file, model, config], target, chosen, options, bool(preset), force)
+        target = output or default_name(inputs if file != STREAM else ["map"], ".classified.ply")
+        result = _classify(inputs, scans, (model, config), target, chosen, bool(preset), force)
         result.save(target, fail_over=limits[0], min_coverage=limits[1], force=True)
     if json:
         jsonout.emit_pieces(result_lines({"output": target, **result.head(*limits)}, result.patch_rows()))
@@ -145,14 +143,15 @@ def classify(
 
 
 def _classify(
-    inputs: list[str | None],
+    inputs: list[str],
+    scans: ScanOptions,
+    settings: tuple[str | None, str | None],
     target: str,
     chosen: Loaded[Configuration],
-    options: ReadOptions,
     has_preset: bool,
     force: bool,
 ) -> Result:
-    """Classify a map in memory; `inputs` are the map, and the files of model and settings."""
+    """Classify a map in memory, or scans; `settings` are the files of model and settings."""
     from mapq.api import classify as label
     from mapq.configuration import sources_of
     from mapq.io import is_patches
@@ -162,54 +161,25 @@ def _classify(
     from prf.shell.files import STREAM
     from prf.shell.outputs import refuse_inputs
 
-    file, model, _ = inputs
-    assert file is not None
-    if file != STREAM and is_patches(file):
+    file, options, files = inputs[0], chosen.settings.cloud.options(), [*inputs, scans.poses, *settings]
+    as_scans = are_scans(inputs, scans)
+    if not as_scans and file != STREAM and is_patches(file):
         if has_preset:
             raise UsageError(f"{file} is segmented already: a --preset is for clouds.")
         if not any(each.startswith("--") for each in sources_of(chosen, "cloud").values()):
             options = AS_IT_IS  # what a file of settings has is for other maps
     claim_result(target, force)
-    refuse_inputs([target, json_beside(target)], inputs)
-    return label(
-        file,
-        model,
+    refuse_inputs([target, json_beside(target)], files)
+    result = label(
+        read_map(inputs, scans, chosen.settings) if as_scans else file,
+        settings[0],
         max_false_alarms=chosen.settings.crf.max_false_alarms,
         segmentation=chosen.settings.segment.settings(),
         sources=sources_of(chosen, "segment"),
         options=options,
     )
-
-
-def _classify_scans(
-    inputs: list[str], scans: ScanOptions, target: str, model: str | None, chosen: Loaded[Configuration], force: bool
-) -> Result:
-    """Merge scans, and classify their map."""
-    from mapq.api import classify as label
-    from mapq.configuration import sources_of
-    from mapq.io.results import claim_result, json_beside
-    from prf.shell.outputs import refuse_inputs
-
-    files = [*inputs, *(name for name in (scans.poses, model) if name is not None)]
-    claim_result(target, force)
-    refuse_inputs([target, json_beside(target)], files)
-    result = label(
-        read_map(inputs, scans, chosen.settings),
-        model,
-        max_false_alarms=chosen.settings.crf.max_false_alarms,
-        segmentation=chosen.settings.segment.settings(),
-        sources=sources_of(chosen, "segment"),
-    )
-    return dataclasses.replace(result, origin=result.origin._replace(files=tuple(files)))
-
-
-def _refuse_tiles(how: Mapping[str, Any]) -> None:
-    """Raise UsageError if scans are to be worked on in tiles."""
-    from prf.shell.errors import UsageError
-
-    if how:
-        flag = next(iter(how)).replace("n_", "").replace("_", "-")
-        raise UsageError(f"scans are merged in memory, not in tiles. Leave --{flag} out; --every K takes fewer scans.")
+    read = tuple(name for name in files[:-1] if name is not None)
+    return dataclasses.replace(result, origin=result.origin._replace(files=read)) if as_scans else result
 
 
 def _classify_tiles(
@@ -262,9 +232,7 @@ def _tiled_target(file: str) -> str:
 
     if file == STREAM:
         raise UsageError("a map in tiles is read more than once. Name a file or a folder, not standard input.")
-    if os.path.isdir(file):
-        return (os.path.abspath(file) if set(file) <= {".", os.sep} else file.rstrip(os.sep)) + ".classified"
-    return beside(file, ".classified.ply")
+    return default_name([file], ".classified" if os.path.isdir(file) else ".classified.ply")
 
 
 def _check(file: str, result: Result, limits: tuple[float | None, float]) -> None:

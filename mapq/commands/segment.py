@@ -73,10 +73,14 @@ def segment(
     from mapq.io.patches import write_patches
     from prf.shell import jsonout
     from prf.shell.console import say_beside
+    from prf.shell.errors import UsageError
+    from prf.shell.files import STREAM
     from prf.shell.outputs import claim_output
 
     given_scans = ScanOptions(poses, calibration, pattern, every, submaps)
-    target = output or _default_target(clouds, given_scans)
+    if output is None and STREAM in clouds:
+        raise UsageError("a cloud from standard input has no name to put .patches to. Name the output with -o.")
+    target = output or default_name(clouds, ".patches")
     claim_output(target, force, inputs=[*clouds, poses, config], suffixes=(".patches", ".npz"), json=json)
     given: dict[str, object] = {"config": config, "preset": preset, "assignments": assignments, "max_tilt": max_tilt}
     given |= {"unit": unit, "topic": topic}
@@ -97,15 +101,6 @@ def segment(
     say = say_beside(target)
     for name, value in _rows(cloud.source, target, patches):
         say(f"{name:<16}{value}")
-
-
-def _default_target(clouds: list[str], scans: ScanOptions) -> str:
-    from prf.shell.errors import UsageError
-    from prf.shell.files import STREAM
-
-    if clouds == [STREAM]:
-        raise UsageError("a cloud from standard input has no name to put .patches to. Name the output with -o.")
-    return default_name(clouds, scans, ".patches")
 
 
 def _rows(cloud: str, target: str, patches: Patches) -> Iterator[tuple[str, object]]:

@@ -21,6 +21,8 @@ TICKS = {10: 1.0, 13: 1e-3, 16: 1e-6, 19: 1e-9}
 """Digits of such a number to its unit in seconds."""
 LAST_NUMBER = re.compile(r"\d+(?=\D*$)")
 """What numbers the files of a set: ``scan2_007.pcd`` is the seventh."""
+RESULT = ".classified."
+"""In the names of results, which are no scans."""
 MOST_LISTED = 4
 """Sets of scans, or files of poses, that a message names."""
 
@@ -46,7 +48,8 @@ def scan_files(folder: str, pattern: str | None) -> list[str]:
     families: dict[str, list[str]] = {}
     for path in sorted(files):
         name = family(path.relative_to(here))
-        if suffix_of(path.name) in SCAN_SUFFIXES and ("*" in name or suffix_of(name) == E57_SUFFIX):
+        is_scan = suffix_of(path.name) in SCAN_SUFFIXES and RESULT not in name
+        if is_scan and ("*" in name or suffix_of(name) == E57_SUFFIX):
             families.setdefault(name, []).append(str(path))
     if not families:
         raise InputError(f"{folder}: no scans in it: no numbered files such as 000000.bin, 0.pcd or scan000.3d.")

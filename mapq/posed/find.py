@@ -18,14 +18,7 @@ from mapq.io.options import AS_IT_IS, ReadOptions
 from mapq.io.pcd import read_viewpoint
 from mapq.io.ptx import ptx_pose, read_ptx_scan
 from mapq.io.uos import read_uos_pose
-from mapq.posed.files import (
-    E57_SUFFIX,
-    MOST_LISTED,
-    UOS_SUFFIX,
-    natural_key,
-    pose_file,
-    scan_files,
-)
+from mapq.posed.files import E57_SUFFIX, MOST_LISTED, UOS_SUFFIX, natural_key, pose_file, scan_files
 from mapq.posed.match import match_poses, times_of, with_poses_at
 from mapq.posed.poses import laser_poses, looks_ahead, read_calibration
 from mapq.posed.scans import PosedScans
@@ -93,30 +86,25 @@ def find_scans(inputs: Sequence[str], settings: FindSettings | None = None) -> P
     files = _files(inputs, settings.pattern, is_folder)
     kinds = {suffix_of(path) for path in files}
     if E57_SUFFIX in kinds:
-        _refuse_for_e57(files[0], settings)
+        if settings.calibration not in (None, NO_CALIBRATION):
+            raise InputError(f"{files[0]}: a calibration is not for E57, which has its poses. Leave out --calibration.")
+        if settings.options.unit is not None:
+            raise InputError(f"{files[0]}: E57 is in metres, as its poses are. Leave out cloud.unit.")
         scans = _e57_scans(files)
         return scans if settings.poses is None else replace_poses(scans, settings.poses, settings)
-    own = None if settings.poses else _own_poses(files, kinds)
-    if own is not None:
-        poses, frame = own
-        return _listed(files, poses, None, replace(settings, frame=settings.frame or frame))
-    path = settings.poses or pose_file(files)
+    path = settings.poses or (None if kinds == {UOS_SUFFIX} else pose_file(files))
     if path is None:
-        raise InputError(f"{files[0]}: no file of poses beside the scans. Name it with --poses.")
+        poses, frame = _own_poses(files, kinds)
+        return _listed(files, poses, None, replace(settings, frame=settings.frame or frame))
     table = with_poses_at(read_trajectory(path, settings.quaternion, QUATERNION_KEY), files)
     rows = match_poses(files, table, path, is_folder)
     times = table.times if table.times is not None else _times_beside(path, len(table.poses))
-    poses, kept = _sensor_poses(table, path, files, settings), rows >= 0
-    _warn_lost([Path(file).name for file, is_kept in zip(files, kept, strict=True) if not is_kept], len(files), path)
-    files, rows = [file for file, is_kept in zip(files, kept, strict=True) if is_kept], rows[kept]
+    poses, lost = _sensor_poses(table, path, files, settings), [Path(files[k]).name for k in np.flatnonzero(rows < 0)]
+    if lost:
+        named = ", ".join(lost[:MOST_LISTED]) + (", ..." if len(lost) > MOST_LISTED else "")
+        logger.warning("%s: no pose for %d of %d scans, which are left out: %s", path, len(lost), len(files), named)
+    files, rows = [files[k] for k in np.flatnonzero(rows >= 0)], rows[rows >= 0]
     return _listed(files, poses[rows], times_of(files) if times is None else times[rows], settings, path)
-
-
-def _warn_lost(names: Sequence[str], n_scans: int, path: str) -> None:
-    """Warn of scans without a pose, if there are any."""
-    if names:
-        named = ", ".join(names[:MOST_LISTED]) + (", ..." if len(names) > MOST_LISTED else "")
-        logger.warning("%s: no pose for %d of %d scans, which are left out: %s", path, len(names), n_scans, named)
 
 
 def _files(inputs: Sequence[str], pattern: str | None, is_folder: bool) -> list[str]:
@@ -127,22 +115,14 @@ def _files(inputs: Sequence[str], pattern: str | None, is_folder: bool) -> list[
         raise UsageError("--scans chooses among the files of a folder, but files are given. Leave it out.")
     for path in inputs:
         if Path(path).is_dir():
-            raise InputError(f"{path}: this is a folder; give one folder alone, or files.")
+            raise InputError(f"{path}: this is a folder; give one folder alone, or files, and poses by --poses.")
         if not Path(path).is_file():
             raise InputError(f"{path}: no such file.")
     return sorted(inputs, key=natural_key)
 
 
-def _refuse_for_e57(path: str, settings: FindSettings) -> None:
-    """Raise InputError for what E57 states itself."""
-    if settings.calibration not in (None, NO_CALIBRATION):
-        raise InputError(f"{path}: a calibration is not for E57, which has its poses. Leave out --calibration.")
-    if settings.options.unit is not None:
-        raise InputError(f"{path}: E57 is in metres, as its poses are. Leave out cloud.unit.")
-
-
-def _own_poses(files: Sequence[str], kinds: set[str]) -> tuple[NDArray[np.float64], str] | None:
-    """Return the poses (k, 4, 4) that scans carry themselves, and the frame of their points; None if they have none.
+def _own_poses(files: Sequence[str], kinds: set[str]) -> tuple[NDArray[np.float64], str]:
+    """Return the poses (k, 4, 4) that scans carry themselves, and the frame of their points; InputError if none.
 
     Some programs write points in the frame of the sensor beside VIEWPOINT, others in that of the map: the one that
     has them closer to the sensor is believed.
@@ -150,15 +130,11 @@ def _own_poses(files: Sequence[str], kinds: set[str]) -> tuple[NDArray[np.float6
     if kinds == {UOS_SUFFIX}:
         beside = [Path(path.removesuffix(".gz")).with_suffix(".pose") for path in files]
         return np.array([read_uos_pose(str(path)) for path in beside]), "sensor"
-    if pose_file(files) is not None:
-        return None
     if kinds == {".ptx"}:
         return np.array([ptx_pose(Content(path)) for path in files]), "sensor"
-    if kinds != {".pcd"}:
-        return None
-    poses = np.array([read_viewpoint(Content(path)) for path in files])
+    poses = np.array([read_viewpoint(Content(path)) for path in files]) if kinds == {".pcd"} else np.zeros((1, 4, 4))
     if not np.ptp(poses, axis=0).any():
-        return None
+        raise InputError(f"{files[0]}: no file of poses beside the scans. Name it with --poses.")
     from_origin, from_pose = [], []
     for number in range(0, len(files), -(-len(files) // LOOKED_AT)):
         xyz = parse_cloud(Content(files[number]))[1]
@@ -198,30 +174,19 @@ def _sensor_poses(
     given, poses, ahead = settings.calibration, table.poses, looks_ahead(table.poses)
     if given == NO_CALIBRATION:
         return poses
-    is_named = given is not None and not is_reference
-    if not (table.is_matrix and all(suffix_of(name) == ".bin" for name in names)):
-        if is_named:
-            raise InputError(
-                f"{path}: a calibration is for .bin scans and rows of 12 numbers, as KITTI has them. Leave out "
-                f"--calibration."
-            )
-        if ahead and given is None:
-            logger.warning(
-                "%s: the sensor moves along its z axis, as a camera does; points of a laser would lie on their side. "
-                "--calibration none: the scans have these axes",
-                path,
-            )
-        return poses
+    is_kitti = table.is_matrix and all(suffix_of(name) == ".bin" for name in names)
     beside = Path(path).with_name(CALIBRATION_NAME)
-    found = given or (str(beside) if beside.is_file() else None)
-    if found is not None and (is_named or ahead is not False):
+    found = given or (str(beside) if is_kitti and beside.is_file() else None)
+    if found is not None and (ahead is not False or (given is not None and not is_reference)):
+        taken = laser_poses(poses, read_calibration(found))
         logger.info("%s: taken from the camera to the laser with %s", path, found)
-        return laser_poses(poses, read_calibration(found))
+        return taken
     if ahead:
-        raise InputError(
-            f"{path}: the sensor moves along its z axis, so these are poses of a camera, as KITTI has them. Give the "
-            f"calib.txt of the sequence with --calibration, or --calibration none if the scans have these axes."
-        )
+        words = "the sensor moves along its z axis: poses of a camera, by which floors would stand on edge. Give the "
+        words += "calib.txt of the sequence with --calibration, or --calibration none if the scans have these axes."
+        if is_kitti:
+            raise InputError(f"{path}: {words}")
+        logger.warning("%s: %s", path, words)
     return poses
 
 

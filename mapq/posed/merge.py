@@ -118,8 +118,8 @@ def merge_scans(
     """
     settings = settings or MergeSettings()
     merged = merge(scans, settings, progress)
-    words = "%s: %s points of %d scans, at the poses of %s"
-    logger.info(words, scans.source, f"{len(merged.xyz):,}", len(scans), scans.poses_from or "these files")
+    words = "%s: %d scans at the poses of %s: %s points"
+    logger.info(words, scans.source, len(scans), scans.poses_from or "these files", f"{len(merged.xyz):,}")
     if not settings.submaps:
         warn_of_poses(scans, merged.xyz, merged.scan)
     return map_of(merged, scans.poses, scans, settings)

@@ -122,7 +122,7 @@ def test_sub_maps_without_right_poses_are_registered(folder: Path, capsys: pytes
         (["scans", "-o", "map.ply", "--poses", "no.txt"], 3, "no.txt"),
         (["scans", "-o", "map.ply", "--reference", "no.txt"], 3, "no.txt"),
         (["scans", "-o", "map.ply", "--scans", "b*"], 3, "--scans"),
-        (["scans", "-o", "map.ply", "--calibration", "calib.txt"], 3, "--calibration"),
+        (["scans", "-o", "map.ply", "--calibration", "calib.txt"], 3, "calib.txt: no such file"),
         (["no-folder", "-o", "map.ply"], 3, "no-folder"),
         (["scans", "scans", "-o", "map.ply"], 3, "this is a folder"),
         (["scans", "-o", "no/such/map.ply"], 4, "no/such"),

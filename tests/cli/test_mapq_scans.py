@@ -105,6 +105,8 @@ def test_two_commands_lead_to_a_page(kind: str, tmp_path, capsys, monkeypatch) -
 def test_segment_takes_scans_too(tmp_path, capsys, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
     write_scans(tmp_path, "kitti")
+    (tmp_path / "scans" / "0.classified.ply").write_text("a result is no scan")
+    assert len(find_scans(["scans"])) == 4
     files = [f"scans/{scan}.ply" for scan in range(4)]
     assert call(capsys, "segment", *files, "--poses", "poses.txt", "--every", 2, "-q")[1] == ""
     code, out, _ = call(capsys, "inspect", "scans.patches")
