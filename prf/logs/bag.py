@@ -155,7 +155,7 @@ def _best_frame(tree: Tree, bag: Bag, sensor: str) -> tuple[str, str]:
     if tree.chain(FIXED, sensor) is not None:
         return FIXED, ""
     held = tree.rigid_above(sensor)
-    found = [(2 + ("odom" in root), root) for root in tree.roots_above(sensor) if root not in held]
+    found = [(2 + ("odom" in root), root) for root in tree.roots_above(sensor) if root in WORLDS or root not in held]
     for topic in bag.of_type(*POSES):
         if not any(word in topic for word in NO_POSES):
             parent = frame_name(next(bag.messages([topic])).body.header.frame_id)

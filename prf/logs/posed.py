@@ -30,6 +30,7 @@ SAME_TIME = 0.01  # seconds: a scan so near to a pose has it, since files round 
 FEW = 0.01  # share of scans that a trajectory in another unit of time places by chance
 ALIKE = 5.0  # times longer, as a trajectory may be than the scans that it is for
 UNITS = {"milliseconds": 1e-3, "microseconds": 1e-6, "nanoseconds": 1e-9}
+CLIMB = 1.0  # metres upward, as no robot on one floor goes; of a camera z is ahead
 TILT, LYING = np.cos(np.radians(5.0)), np.cos(np.radians(45.0))
 """Upward share of a z axis below which a remark is due, and below which poses are those of a camera or the like."""
 
@@ -68,10 +69,11 @@ def placed(readings: Readings, poses: Poses) -> Readings:
     found, how, warnings = _matched(scans, poses, source)
     known = np.isfinite(found[:, 0, 0])
     upward = np.abs(found[known, 2, 2])
-    if np.median(upward) < LYING:
+    along_x, along_y, climbed = np.ptp(found[known, :3, 3], axis=0)
+    if np.median(upward) < LYING or climbed > max(CLIMB, 0.5 * np.hypot(along_x, along_y)):
         raise InputError(
-            f"{poses.source}: the z axis of these poses lies flat, as that of a camera does. Give poses of a robot or "
-            "a laser, with x ahead and z up."
+            f"{poses.source}: these poses lie on their side or climb {climbed:.1f} m, as those of a camera do. Give "
+            "poses of a robot or a laser, with x ahead and z up."
         )
     if upward.min() < TILT:
         warnings.append(f"poses are tilted by up to {np.degrees(np.arccos(upward.min())):.0f} degrees: laid flat")
