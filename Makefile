@@ -18,13 +18,12 @@ $(STAMP): pyproject.toml constraints.txt
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[all,dev]"
 	@touch $@
 
-demo: setup ## sample a small office, assess the map of a small town; leaves pictures in demo/
-	$(BIN)/prf sample --laser data/demo-office.log.gz --time-budget 60 --seed 1 -o demo/office --force
-	$(BIN)/mapq segment data/demo-town.ply.gz -o demo/town.patches --force
-	$(BIN)/mapq classify demo/town.patches -o demo/town.classified.ply --force
-	$(BIN)/mapq evaluate demo/town.classified.ply --truth-field truth
-	$(BIN)/mapq render demo/town.classified.ply -o demo/town.png --force
-	@echo "pictures:" demo/office/*.png demo/town.png
+demo: setup ## map four rooms until the chains agree, assess a town; leaves a page of each in demo/
+	$(BIN)/prf sample --laser data/demo-rooms.log.gz --seed 1 -o demo/rooms --force
+	$(BIN)/prf report demo/rooms --force
+	$(BIN)/mapq classify data/demo-town.ply.gz -o demo/town.ply --force
+	$(BIN)/mapq evaluate demo/town.ply
+	$(BIN)/mapq report demo/town.ply -o demo/town.html --force
 
 test: setup ## all tests but the slow ones
 	$(BIN)/python -m tests.warm_kernels
