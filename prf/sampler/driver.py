@@ -43,9 +43,11 @@ class StopRule:
         """Seconds that a run may take; inf where steps are the goal."""
         return math.inf if self.steps is not None else self.limit if self.seconds is None else self.seconds
 
-    def share(self, step: int, seconds: float) -> float:
-        """Return the share of the goal that is reached."""
+    def share(self, step: int, seconds: float, checked: dict[str, Diagnosis] | None = None) -> float:
+        """Return the share of the goal that is reached; of agreement, by what the worst diagnosis falls short."""
         done = step / max(self.steps, 1) if self.steps is not None else seconds / max(self.longest, 1e-9)
+        if checked and self.steps is None and self.seconds is None:
+            done = max(done, min(0.99, 1.0 / max(1.0, *(found.shortfall() for found in checked.values()))))
         return min(1.0, done)
 
     def status(self, step: int, seconds: float, checked: dict[str, Diagnosis] | None) -> Status:
@@ -110,7 +112,7 @@ def rounds(
         planned = seconds + 0.5 * (now - begun) * sampler.next_steps / steps + reserve()
         status = rule.status(sampler.step, planned, diagnoses if is_checked else None)
         speed = (sampler.step - first_step) * len(sampler.chains) / max(seconds, 1e-9)
-        yield Progress(sampler.step, seconds, speed, rule.share(sampler.step, planned), diagnoses, status)
+        yield Progress(sampler.step, seconds, speed, rule.share(sampler.step, planned, diagnoses), diagnoses, status)
 
 
 def is_check(sampler: Sampler) -> bool:

@@ -12,7 +12,6 @@ from prf.posterior import Settings
 from prf.run import Progress
 from prf.sampler import Sampler, StopRule, driver
 from prf.sampler import rounds as rounds_of
-from prf.sampler.driver import is_check
 from prf.shell.seeds import spawn_generators
 from prf.window import Window
 
@@ -178,3 +177,10 @@ def test_a_request_to_stop_ends_the_search_for_starts(sampler: Sampler, monkeypa
     monkeypatch.setattr(sampler, "find_starts", lambda stop: answers.append(stop()))
     next(iter(rounds_of(sampler, StopRule(steps=10_000), lambda: True)))
     assert answers == [True]
+
+
+def test_the_share_of_agreement_is_what_the_worst_diagnosis_falls_short() -> None:
+    halfway = {"log_likelihood": Diagnosis(1.01, 50.0, "varies"), "colour": Diagnosis(1.0, 400.0, "varies")}
+    assert StopRule().share(10, 0.0, halfway) == pytest.approx(0.5)
+    assert StopRule(limit=1000.0).share(10, 900.0, halfway) == pytest.approx(0.9)
+    assert StopRule(steps=100).share(10, 0.0, halfway) == pytest.approx(0.1)
