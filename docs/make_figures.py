@@ -1,7 +1,8 @@
-"""Makes the pictures of README and tutorials anew from data/: `make figures`, about a minute.
+"""Makes the pictures of README and tutorials anew: `make figures`, about four minutes.
 
-The same seeds as in the tutorials. The screenshots of reports need chromium; that of the labelling page
-(`label-town.png`) and figures of benchmarks (`bitmap.png`, `two-doors.png`) are made elsewhere.
+The same seeds as in the tutorials. Screenshots of reports need chromium, those of real places (`intel.png`, `park.png`)
+the public data beside the project as well. The labelling page (`label-town.png`) and figures of benchmarks
+(`bitmap.png`, `two-doors.png`) are made elsewhere.
 """
 
 from __future__ import annotations
@@ -30,6 +31,10 @@ ROOT = Path(__file__).parent.parent
 IMAGES = Path(__file__).parent / "images"
 LOG = ROOT / "data" / "demo-office.log.gz"
 TOWN = ROOT / "data" / "demo-town.ply.gz"
+
+PUBLIC = ROOT.parent / "shared" / "data"
+INTEL = PUBLIC / "prf" / "carmen" / "intel-corrected.log.gz"
+PARK = PUBLIC / "mapq" / "dxmcu_map"
 
 MOST_BYTES = 200_000
 STEPS = "600000"
@@ -132,6 +137,20 @@ def draw_town(folder: Path) -> None:
     photograph(report, IMAGES / "report-town.png")
 
 
+def draw_real_places(folder: Path) -> None:
+    """Take pictures of the pages of a real log and of a real map."""
+    if not PUBLIC.exists():
+        print(f"intel.png and park.png are left as they are: they need {PUBLIC}", file=sys.stderr)
+        return
+    run, result = folder / "intel", folder / "park.ply"
+    corrected = ("--noise", 0.05, "--noise-relative", 0.02)
+    call(prf.cli, "sample", "--laser", INTEL, "--every-scan", 10, *corrected, "--time-budget", 120, "-o", run, "-q")
+    call(mapq.cli, "classify", PARK / "pcd", "--poses", PARK / "derived" / "poses_chain.txt", "-o", result, "-q")
+    for tool, what, name in ((prf.cli, run, "intel"), (mapq.cli, result, "park")):
+        call(tool, "report", what, "-o", folder / f"{name}.html", "-q")
+        photograph(folder / f"{name}.html", IMAGES / f"{name}.png")
+
+
 def photograph(report: Path, path: Path, script: str = "") -> None:
     """Take a screenshot of a report after a script; the picture stays as it is where there is no browser."""
     program = shutil.which("chromium")
@@ -153,7 +172,7 @@ def photograph(report: Path, path: Path, script: str = "") -> None:
 
 def main() -> None:
     """Make every picture."""
-    drawings: tuple[Callable[[Path], None], ...] = (draw_office, draw_town)
+    drawings: tuple[Callable[[Path], None], ...] = (draw_office, draw_town, draw_real_places)
     for draw in drawings:
         with TemporaryDirectory() as folder:
             draw(Path(folder))
