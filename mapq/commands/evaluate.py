@@ -64,5 +64,6 @@ def _lines(scores: Scores, truth_from: str) -> Iterator[str]:
         if isinstance(value, float) and (is_verbose() or name not in DETAILS):
             shown = "undefined" if value != value else f"{value:.4f}"
             yield f"{name.replace('_', ' '):<20}{shown}"
-    found = f"{ss} of the {ps + ss} patches that are suspicious were found"
-    yield f"{'verdict':<20}{found}; {sp} of the {pp + sp} plausible ones are false alarms"
+    commoner = max(scores.base_rate, 1.0 - scores.base_rate)
+    yield f"{'verdict':<20}right for {scores.accuracy:.0%} of the patches; the commoner label for all: {commoner:.0%}"
+    yield f"{'':<20}{ss} of the {ps + ss} suspicious ones found; {sp} of the {pp + sp} plausible ones are false alarms"
