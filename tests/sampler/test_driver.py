@@ -12,6 +12,7 @@ from prf.posterior import Settings
 from prf.run import Progress
 from prf.sampler import Sampler, StopRule, driver
 from prf.sampler import rounds as rounds_of
+from prf.sampler.driver import is_check
 from prf.shell.seeds import spawn_generators
 from prf.window import Window
 
