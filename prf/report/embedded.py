@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from prf.agreement import DIFFERS
 from prf.coloring import Draws, black_at_draws
 from prf.run import PosteriorImage, Run
 from prf.shell.page.markup import packed
@@ -122,7 +123,7 @@ def pack_image(image: PosteriorImage) -> Numbers:
     differs = np.zeros_like(image.occupancy) if image.disagreement is None else image.disagreement
     shares = [np.rint(255.0 * np.nan_to_num(part)).astype(np.uint8) for part in (image.occupancy, differs)]
     rows, columns = image.occupancy.shape
-    head = {"nx": columns, "ny": rows, "origin": image.origin, "resolution": image.resolution}
+    head = {"nx": columns, "ny": rows, "origin": image.origin, "resolution": image.resolution, "differs": 255 * DIFFERS}
     return Numbers(head, packed(b"".join(part.tobytes() for part in (*shares, image.seen.astype(np.uint8)))))
 
 

@@ -56,8 +56,8 @@ def agreement_line(run: Run) -> str:
 
 def _place_button(place: Place, after: str) -> str:
     at = f"{place.x:.2f},{place.y:.2f},{math.sqrt(place.area):.2f}"
-    words = f"({number(place.x, 1)}, {number(place.y, 1)})"
-    return f'<span class="keep"><button type="button" class="link" data-place="{at}">{words}</button>{after}</span>'
+    x, y = (number(round(value, 1) + 0.0, 1) for value in (place.x, place.y))  # never a negative zero
+    return f'<span class="keep"><button type="button" class="link" data-place="{at}">({x}, {y})</button>{after}</span>'
 
 
 def _outlook(diagnosed: Mapping[str, Any]) -> str:

@@ -118,7 +118,7 @@ def test_draws_layers_and_themes_change_the_picture(opened):
         opened.keyboard.press("ArrowRight")
         look()
     assert "draw 3 of 160: chain 3, step 2,000" in opened.locator("#drawn").inner_text()
-    for button in ("[data-base=best]", "#path", "#readings", "#outline", "#theme"):
+    for button in ("#outline", "[data-base=best]", "#path", "#readings", "#theme"):
         opened.click(button)
         look()
     opened.focus("#map")

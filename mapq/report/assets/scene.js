@@ -11,8 +11,6 @@ const Views = (() => {
   const palette = () => PALETTES[document.body.dataset.palette + (Theme.isDark() ? " dark" : "")];
   const mix = (a, b, t) => a.map((value, i) => Math.round(value + (b[i] - value) * t));
   const css = (rgb) => `rgb(${rgb[0]},${rgb[1]},${rgb[2]})`;
-  // Red, green and blue of a colour of the style sheet.
-  const rgbOf = (name) => Theme.colour(name).match(/[0-9a-f]{2}/gi).map((two) => parseInt(two, 16));
 
   // Points and outlines, patch after patch; the numbers are those of mapq/report/scene.py.
   class Scene {
@@ -60,7 +58,7 @@ const Views = (() => {
       this.image = new ImageData(wide, high);
       this.pixels = new Uint32Array(this.image.data.buffer);
       this.depth = withDepth ? new Float32Array(wide * high).fill(-Infinity) : null;
-      this.pixels.fill(packedColour(rgbOf("map-free")));
+      this.pixels.fill(packedColour(Theme.rgb("map-free")));
     }
     dot(x, y, size, colour, depth) {
       const left = Math.max(0, Math.round(x - size / 2)),
@@ -96,5 +94,5 @@ const Views = (() => {
     ];
   }
 
-  return { Scene, Raster, css, marginOf, measured, mix, packedColour, palette, rgbOf };
+  return { Scene, Raster, css, marginOf, measured, mix, packedColour, palette };
 })();

@@ -3,7 +3,7 @@
 // look: { colour(patch) -> rgb, rank(patch) -> higher is drawn later in plan, selected: number, points, outlines: bool,
 // mark -> { points, line } }
 Views.View = (() => {
-  const { Raster, css, marginOf, packedColour, rgbOf } = Views;
+  const { Raster, css, marginOf, packedColour } = Views;
   const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 
   return class View {
@@ -67,7 +67,7 @@ Views.View = (() => {
         size = Math.min(6, Math.max(1, 0.05 * this.scale)) * this.density;
       this.rows = this.projection();
       if (this.look.points) {
-        this.drawPoints(raster, this.scene.m, rgbOf("map-loose"), Math.max(1, 0.8 * size));
+        this.drawPoints(raster, this.scene.m, Theme.rgb("map-loose"), Math.max(1, 0.8 * size));
         for (const patch of this.groups) this.drawPoints(raster, patch, this.look.colour(patch), size);
       }
       const pen = canvas.getContext("2d");
@@ -118,7 +118,7 @@ Views.View = (() => {
       pen.globalAlpha = 1;
     }
     drawSelected(pen, size) {
-      const ink = rgbOf("map-ink"),
+      const ink = Theme.rgb("map-ink"),
         mark = this.look.mark || { points: ink, line: [240, 160, 0] },
         half = 0.6 * size;
       pen.fillStyle = css(mark.points);

@@ -46,15 +46,16 @@ Prf.Map = class {
   }
   // Pictures of the cells in the colours of the theme.
   paint() {
-    const rgb = (name) => Theme.colour(name).match(/[0-9a-f]{2}/gi).map((two) => parseInt(two, 16)),
-      [free, black, violet] = ["free", "occupied", "map-differs"].map(rgb);
+    const [free, black, violet] = ["free", "occupied", "map-differs"].map(Theme.rgb);
     this.posterior = this.picture((i) => {
       const p = this.occupancy[i] / 255;
       return [...free.map((value, c) => value + (black[c] - value) * p), 255];
     });
     this.unseen = this.picture((i) => [0, 0, 0, this.seen[i] ? 0 : 255]);
-    const differs = (i) => this.seen[i] && this.difference[i] > 51;
-    this.differing = this.picture((i) => [...violet, differs(i) ? 0.6 * this.difference[i] : 0]);
+    this.differing = this.picture((i) => [...violet, this.differs(i) ? 0.6 * this.difference[i] : 0]);
+  }
+  differs(cell) {
+    return this.seen[cell] && this.difference[cell] > this.cells.differs;
   }
   size() {
     return [this.canvas.clientWidth, this.canvas.clientHeight];
@@ -190,7 +191,7 @@ Prf.Map = class {
         pen.stroke();
       };
     pen.lineJoin = pen.lineCap = "round";
-    if (look.outline) lines(scene.best, 4, 1.4, "map-outline");
+    if (look.outline && look.base !== "best") lines(scene.best, 4, 1.4, "map-outline");
     if (look.readings) {
       pen.fillStyle = Theme.colour("map-return");
       dots(scene.returns, 2);

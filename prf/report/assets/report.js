@@ -57,7 +57,7 @@
     outline: scene.best.length,
     path: scene.path.length,
     readings: scene.returns.length + scene.arcs.length + scene.points.length,
-    differs: map.difference.some((value, i) => value > 51 && map.seen[i]),
+    differs: map.difference.some((_, cell) => map.differs(cell)),
   };
   for (const name of Object.keys(has)) {
     byId(name).parentElement.hidden = !has[name];

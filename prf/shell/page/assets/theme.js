@@ -19,5 +19,7 @@ const Theme = (() => {
   // Paper is white: the listeners of a page run after this one, and find the colours of light.
   addEventListener("beforeprint", () => set(false));
   addEventListener("afterprint", () => set(chosen ?? system.matches));
-  return { isDark, colour: (name) => getComputedStyle(root).getPropertyValue(`--${name}`).trim() };
+  const colour = (name) => getComputedStyle(root).getPropertyValue(`--${name}`).trim(),
+    rgb = (name) => colour(name).match(/[0-9a-f]{2}/gi).map((two) => parseInt(two, 16));
+  return { isDark, colour, rgb };
 })();
