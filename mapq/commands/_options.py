@@ -64,7 +64,7 @@ Calibration = Annotated[
     typer.Option(
         "--calibration",
         metavar="FILE",
-        help="KITTI's calib.txt; none: poses are the laser's.  [beside the poses]",
+        help="KITTI's calib.txt; none: poses are the laser's.  [beside poses or scans]",
     ),
 ]
 Pattern = Annotated[

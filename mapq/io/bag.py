@@ -86,7 +86,7 @@ def read_bag(content: Content, options: ReadOptions) -> PointCloud:
 def _bag_path(content: Content) -> Iterator[Path]:
     """Give the file or folder of the bag."""
     if content.is_folder:
-        yield bag_in(Path(content.path), ACCEPTED)
+        yield bag_in(Path(content.path), f"Folders of scans are for mapq classify, segment and perturb. {ACCEPTED}")
         return
     with content.file() as file:
         yield file

@@ -98,7 +98,7 @@ def find_scans(inputs: Sequence[str], settings: FindSettings | None = None) -> P
         return _listed(files, poses, None, replace(settings, frame=settings.frame or frame))
     table = with_poses_at(read_trajectory(path, settings.quaternion, QUATERNION_KEY), files)
     rows = match_poses(files, table, path, is_folder)
-    times = table.times if table.times is not None else _times_beside(path, len(table.poses))
+    times = table.times if table.times is not None else _times_beside(path, files[0], len(table.poses))
     poses, lost = _sensor_poses(table, path, files, settings), [Path(files[k]).name for k in np.flatnonzero(rows < 0)]
     if lost:
         named = ", ".join(lost[:MOST_LISTED]) + (", ..." if len(lost) > MOST_LISTED else "")
@@ -175,8 +175,7 @@ def _sensor_poses(
     if given == NO_CALIBRATION:
         return poses
     is_kitti = table.is_matrix and all(suffix_of(name) == ".bin" for name in names)
-    beside = Path(path).with_name(CALIBRATION_NAME)
-    found = given or (str(beside) if is_kitti and beside.is_file() else None)
+    found = given or (_beside(CALIBRATION_NAME, path, names[0]) if is_kitti else None)
     if found is not None and (ahead is not False or (given is not None and not is_reference)):
         taken = laser_poses(poses, read_calibration(found))
         logger.info("%s: taken from the camera to the laser with %s", path, found)
@@ -190,13 +189,19 @@ def _sensor_poses(
     return poses
 
 
-def _times_beside(poses: str, n_poses: int) -> NDArray[np.float64] | None:
-    """Return the times (n,) of the file times.txt beside the poses, None if there is none of that length."""
-    beside = Path(poses).with_name(TIMES_NAME)
-    if not beside.is_file():
+def _beside(name: str, poses: str, scan: str) -> str | None:
+    """Return the file of that name beside the poses, or beside a scan or its folder, as KITTI has it; None if none."""
+    folders = Path(poses).parent, *Path(scan).parents[:2]
+    return next((str(folder / name) for folder in folders if (folder / name).is_file()), None)
+
+
+def _times_beside(poses: str, scan: str, n_poses: int) -> NDArray[np.float64] | None:
+    """Return the times (n,) of the file times.txt beside poses or scans, None if there is none of that length."""
+    beside = _beside(TIMES_NAME, poses, scan)
+    if beside is None:
         return None
     try:
-        return np.array(Content(str(beside)).text().split(), np.float64).reshape(n_poses)
+        return np.array(Content(beside).text().split(), np.float64).reshape(n_poses)
     except ValueError:
         logger.warning("%s: not %d times, one a pose; it is left out", beside, n_poses)
         return None

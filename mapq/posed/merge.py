@@ -23,7 +23,7 @@ Floats = NDArray[np.float64]
 
 AT_THE_SENSOR = 0.01
 """Metres: a return so close is none; many sensors write (0, 0, 0) for "no return"."""
-FINEST = 0.05
+FINEST, COARSEST = 0.05, 100.0
 """Metres: side of the cubes by which too many points are thinned first; it is doubled until they are few enough."""
 PASS = "pass_id"
 """Field that numbers the passes of the drive."""
@@ -91,7 +91,7 @@ def merge(
         cloud = scans.read(scan)
         counts.append(len(cloud))
         parts.append(thinned(_in_reach(cloud, settings.reach), voxel))
-        while settings.voxel is None and sum(map(len, parts)) > settings.max_points:
+        while settings.voxel is None and (voxel or 0.0) < COARSEST and sum(map(len, parts)) > settings.max_points:
             # The first point of a cube is the first of one of its eighths, so that steps leave what one step would.
             voxel = FINEST if voxel is None else 2.0 * voxel
             parts = [thinned(part, voxel) for part in parts]

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from mapq.cloud import PointCloud
-from prf.shell.errors import InputError
 
 NEAR_AGAIN = 10.0
 """Metres: a drive that is so close to where it was is at that place again ..."""
@@ -64,15 +63,7 @@ class PosedScans:
         )
 
     def with_poses(self, poses: NDArray[np.float64], source: str) -> PosedScans:
-        """Return the same scans with other poses (k, 4, 4), read from `source`.
-
-        Raises
-        ------
-        InputError
-            If there is not one for each scan.
-        """
-        if len(poses) != len(self):
-            raise InputError(f"{source}: {len(poses)} poses for {len(self)} scans. Give one pose a scan.")
+        """Return the same scans with other poses (k, 4, 4), read from `source`."""
         return replace(self, poses=poses, poses_from=source)
 
 

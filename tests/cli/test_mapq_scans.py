@@ -120,6 +120,7 @@ def test_too_many_points_are_thinned_as_one_voxel_would(tmp_path, capsys, monkey
     few, same = (merge_scans(scans, MergeSettings(**how)) for how in ({"max_points": 3000}, {"voxel": 1.6}))
     assert 500 < len(few) <= 3000
     np.testing.assert_array_equal(few.xyz, same.xyz)
+    assert len(merge_scans(scans, MergeSettings(max_points=1))) < 40, "it ends"
 
 
 @pytest.mark.parametrize(

@@ -116,6 +116,9 @@ def test_scans_are_placed_by_tf(tmp_path, kind):
     for points, t, index in ((first, 0.5, 0), (second, 1.5, 1)):
         expected = np.column_stack([10.0 - points["y"], 20.0 + t + 0.2 + points["x"], points["z"] + 0.3])
         np.testing.assert_allclose(cloud.xyz[cloud.fields["scan"] == index], expected, atol=1e-6)
+    np.testing.assert_allclose(np.unique(cloud.fields["time"]), [START + 0.5, START + 1.5], atol=1e-3)
+    sensor = cloud.xyz[-1] + [cloud.fields[f"to_sensor_{axis}"][-1] for axis in "xyz"]
+    np.testing.assert_allclose(sensor, [10.0, 21.7, 0.3], atol=1e-4)
     plain = read_cloud(path, ReadOptions(frame="laser"))
     assert len(plain) == 23
     np.testing.assert_array_equal(plain.xyz[:12, 0], first["x"])
