@@ -81,6 +81,7 @@ def _answer_points(source: Run | OccupancyGrid, points: str, square: float, json
 
     xy = read_points(points)
     columns = {"x": xy[:, 0].tolist(), "y": xy[:, 1].tolist()}
+    found: PointEstimates | None = None
     if isinstance(source, occupancy.OccupancyGrid):
         p = occupancy.occupied_probability(source, xy, square).tolist()
         n_draws, seen = None, source.image().seen_at(xy)
@@ -90,7 +91,6 @@ def _answer_points(source: Run | OccupancyGrid, points: str, square: float, json
         seen, errors = found.seen, {"ess": found.ess.tolist(), "rhat": found.rhat.tolist()} if json else {}
         bounds = {"low": found.low.tolist(), "high": found.high.tolist()}
         columns |= {"p_occupied": found.probability.tolist(), **bounds, **errors}
-        _warn(points, "point", found)
     columns["seen"] = (seen if json else seen.astype(int)).tolist()
     rows = zip(*columns.values(), strict=True)
     if json:
@@ -98,6 +98,8 @@ def _answer_points(source: Run | OccupancyGrid, points: str, square: float, json
         jsonout.emit_object("prf.query.points/1", {"points": content, "square": square, "n_draws": n_draws})
     else:
         console.emit("\n".join([",".join(columns), *(",".join(map(repr, row)) for row in rows)]))
+    if found is not None:  # below the rows, where it stays in sight
+        _warn(points, "point", found)
 
 
 def _answer_path(source: Run | OccupancyGrid, path: str, radius: float, json: bool) -> None:

@@ -108,7 +108,8 @@ def _topics(bag: Bag, kind: Kind | None, topic: str | None) -> tuple[Kind, list[
         kind = "laser" if found["laser"] or not found["sonar"] else "sonar"
     topics = found[kind]
     if not topics:
-        raise NoReadings(f"{bag.source}: no {TYPES[kind]} messages. The bag has {bag.contents}.")
+        clouds = " Its clouds are for mapq." if "(PointCloud2)" in bag.contents else ""
+        raise NoReadings(f"{bag.source}: no {TYPES[kind]} messages. The bag has {bag.contents}.{clouds}")
     if kind == "laser" and len(topics) > 1:
         raise ConfigError(f"{bag.source}: several laser topics, {', '.join(topics)}. Choose one with --topic.")
     return kind, topics
