@@ -212,7 +212,7 @@ class Readings:
 
     def _facts(self) -> dict[str, str]:
         width, height = np.ptp(self.origin, axis=0) if self.n_beams else (0.0, 0.0)
-        what = "cones" if self.cone.any() else "beams"
+        what = "sonar readings" if self.cone.any() else "beams"
         return {
             "readings": f"{self.n_beams:,} {what} in {self.n_scans:,} scans",
             "source": " ".join((self.source, f"({self.notes.format})" if self.notes.format else "")).strip(),

@@ -15,6 +15,8 @@ def test_scalars_hold_for_every_beam():
     np.testing.assert_array_equal(readings.scan, [7, 7, 7])
     np.testing.assert_array_equal(readings.beam, [0, 1, 2])
     assert (readings.n_beams, readings.n_scans, readings.largest_range) == (3, 1, 4.0)
+    assert repr(readings) == "<prf.Readings: 3 sonar readings in 1 scans, arrays, within 0.0 x 0.0 m, up to 4.00 m>"
+    assert "3 sonar readings in 1 scans" in readings._repr_html_()
 
 
 def test_arrays_have_the_promised_types_and_own_their_memory():
