@@ -38,7 +38,8 @@ def report(
     from prf.shell.files import STREAM
     from prf.shell.outputs import claim_output
 
-    target = output or f"{Path(run).resolve()}.html"
+    folder = Path(run) if Path(run).name.strip(".") else Path(run).resolve()
+    target = output or f"{folder}.html"
     inputs = [str(Path(run) / name) for name in names.SCHEMAS]
     claim_output(target, force, inputs=inputs, suffixes=(".html", ".htm"))
     written = write_report(target, read_run(run), title)
