@@ -190,7 +190,7 @@ def _summary(run: Run, folder: Path, asked_steps: int | None) -> Iterator[str]:
     )
     yield _verdict(run, run.progress.status)
     ground = Agreement.of_document(diagnostics["agreement"]).words()
-    if ground:
+    if ground and not _is_short(diagnostics):
         yield f"Place by place, {ground}."
     if diagnostics.get("tempering") and console.is_verbose():
         yield _ladders(diagnostics["tempering"])

@@ -200,6 +200,7 @@ def test_few_draws_are_no_disagreement(
     assert printed.splitlines()[1].startswith(judged)
     assert f"30 minutes: prf sample --resume {tmp_path / 'run'}\npicture " in printed
     assert "The chains" not in printed
+    assert "Place by place" not in printed
     assert ("10,000 steps each (rounded up from 2,000)" in printed) == (steps == 2_000)
     assert ("rounded" in printed) == (steps == 2_000)
 
