@@ -31,10 +31,10 @@ def verdict_line(findings: Findings) -> str:
         return "No plane patch was found, so nothing of this map was judged."
     counts, verdict = findings.part("counts"), findings.part("verdict")
     limit, coverage = verdict.get("fail_over"), percent(counts.get("coverage"))
-    line = f"<strong>{percent(verdict.get('share_of_area', counts.get('share_of_area')))}</strong> of the surface that "
-    line += "could be judged is suspicious"
+    share = percent(verdict.get("share_of_area", counts.get("share_of_area")))
+    line = f"<strong>{share}</strong> of the surface judged is suspicious"
     if coverage != DASH:
-        line += f"; that is {coverage} of what is flat"
+        line += f"; {coverage} of all planes could be judged"
     if limit is None or verdict.get("passed") is None:
         return line
     state = "passes" if verdict["passed"] is True else "fails"

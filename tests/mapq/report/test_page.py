@@ -51,7 +51,7 @@ def test_a_page_shows_coverage_and_disagreement_of_scans(tmp_path):
     told.head["counts"]["coverage"] = 0.125
     told.rows[3].update(disagreement_m=0.12345, low=0.05, high=0.25)
     page = report(tmp_path / "s.html", told)
-    assert "that is 12.5 % of what is flat" in page
+    assert "; 12.5 % of all planes could be judged" in page
     assert "and 20.0 % to be judged" in page
     assert "12.5 % of the points that lie on planes of any tilt" in page
     assert data_of(page)["apart"][3] == [0.123, 0.05, 0.25]
