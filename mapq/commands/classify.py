@@ -113,6 +113,7 @@ def classify(
     from mapq.assess import MIN_COVERAGE
     from mapq.configuration import load_configuration
     from mapq.io.results import result_lines
+    from mapq.tiled.source import is_tiled
     from prf.shell import console, jsonout
     from prf.shell.errors import UsageError
     from prf.shell.files import STREAM
@@ -127,7 +128,7 @@ def classify(
     how = {name: value for name, value in how.items() if value is not None}
     if how and are_scans(inputs, scans):
         raise UsageError("scans are merged in memory, not in tiles. Leave --workers and the like out; see --every.")
-    if how or (_is_folder_of_tiles(file) and not are_scans(inputs, scans)):
+    if how or (is_tiled(file) and not are_scans(inputs, scans)):
         target = output or _tiled_target(file)
         result = _classify_tiles(file, target, model, chosen, options, how, limits, force)
     else:
@@ -200,13 +201,14 @@ def _classify_tiles(
     from mapq.io.results import json_beside
     from mapq.tiled.output import CLOUD_SUFFIXES
     from mapq.tiled.run import TileSettings, classify_map
+    from mapq.tiled.source import is_tiled
     from prf.shell.errors import UsageError
     from prf.shell.outputs import refuse_inputs
 
     if is_patches(file):
         raise UsageError(f"{file} is segmented already: tiles are for clouds. Leave --workers and the like out.")
     inputs = [name for name in (file, model) if name and os.path.isfile(name)]
-    is_folder = _is_folder_of_tiles(file) and not target.lower().endswith(CLOUD_SUFFIXES)
+    is_folder = is_tiled(file) and not target.lower().endswith(CLOUD_SUFFIXES)
     refuse_inputs([os.path.join(target, RESULT_JSON)] if is_folder else [target, json_beside(target)], inputs)
     settings = TileSettings(**how, segment=chosen.settings.segment.settings(), options=options)
     used = load_model(model, chosen.settings.crf.max_false_alarms)
@@ -215,14 +217,6 @@ def _classify_tiles(
     for warning in result.patches.report["warnings"]:
         logger.warning("%s: %s", file, warning)
     return result
-
-
-def _is_folder_of_tiles(file: str) -> bool:
-    if not os.path.isdir(file):
-        return False
-    from mapq.tiled.source import is_tiled
-
-    return is_tiled(file)
 
 
 def _tiled_target(file: str) -> str:
