@@ -109,7 +109,7 @@ def _jumps(scans: ScanTable) -> Iterator[Suspicion]:
             yield Suspicion("pose-unit", text)
         elif moved.any() or turned.any():
             numbers = tuple(int(n) for n in steps.number[moved | turned])
-            sizes = ((steps.distance, moved, ".1f", "m"), (steps.turn, turned, ".2f", "rad"))
+            sizes = ((steps.distance, moved, ".1f", "m"), (np.degrees(steps.turn), turned, ".0f", "degrees"))
             far = " and ".join(_largest(steps, *size) for size in sizes if size[1].any())
             yield Suspicion("pose-jump", f"the pose jumps before {_list(numbers, 'scan')}, the largest {far}", numbers)
 

@@ -36,12 +36,12 @@ def warnings_of(
 class TestJumps:
     def test_a_turn_is_given_in_radians(self):
         poses = [(x, y, 1.3 * (i >= 4)) for i, (x, y, _) in enumerate(straight(8, 0.05))]
-        assert jump_in(drive(poses, seconds=0.1)).endswith("the largest by 1.30 rad at scan 4")
+        assert jump_in(drive(poses, seconds=0.1)).endswith("the largest by 74 degrees at scan 4")
 
     def test_a_step_is_given_in_metres_and_both_where_both_jump(self):
         poses = [(x + 3 * (i >= 10), y, 1.3 * (i >= 15)) for i, (x, y, _) in enumerate(straight(20))]
         assert jump_in(drive(poses[:14])).endswith("the largest by 3.5 m at scan 10")
-        assert jump_in(drive(poses, seconds=0.3)).endswith("the largest by 3.5 m at scan 10 and by 1.30 rad at scan 15")
+        assert jump_in(drive(poses, seconds=0.3)).endswith("the largest by 3.5 m at scan 10 and by 74 degrees at scan 15")
 
 
 class TestUnits:

@@ -106,7 +106,7 @@ def means_of(case: Case, n_chains: int, n_steps: int) -> Floats:
         chain = ChainSampler(settings, np.random.default_rng(seed), away.argmin(axis=0))
         while chain.step < n_steps:
             chain.advance()
-        draws = chain.record.since(n_steps // 4)
+        draws = chain.record.since(n_steps // 2)
         edges, length = np.array([draw.functionals[:2] for draw in draws]).T
         black = np.array([draw.probe_black for draw in draws])
         found.append([edges.mean(), settings.scale * length.mean(), *black.mean(axis=0)])
