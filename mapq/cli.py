@@ -25,6 +25,7 @@ VERBS: dict[str, str] = {
     "config": "Show all settings as a settings file, or list presets.",
     "simulate": "Make a map with known errors: an urban world, driven through and rendered from odometry.",
     "perturb": "Make a labelled map from posed scans: merged as they are, or with known errors of their poses.",
+    "warm": "Compile the kernels ahead: for container images, CI, and machines that must answer at once.",
 }
 
 app = make_app("mapq", __version__, HELP, "mapq.commands", VERBS)

@@ -29,6 +29,7 @@ VERBS: dict[str, str] = {
     "report": "Write a report on a run: one page of HTML that opens without a network.",
     "simulate": "Simulate a robot in a world that is known: logs of laser and sonar, with their truth.",
     "export": "Write a map for other programs: GeoJSON, ROS map_server, SVG, DXF, netCDF.",
+    "warm": "Compile the kernels ahead: for container images, CI, and machines that must answer at once.",
 }
 """Verb to its summary: the first line of the docstring of ``prf/commands/<verb>.py``, as a test compares."""
 

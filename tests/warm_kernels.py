@@ -20,46 +20,33 @@ import numpy as np
 
 import mapq.cli
 import prf.cli
+from mapq.commands import warm as mapq_warm
 from prf.arak import exact_draws
 from prf.coloring import Coloring, Draws, black_areas, black_at
+from prf.commands import warm as prf_warm
 from prf.kernels.cones import N_POSE
 from prf.posterior import Settings, make_chain
 from prf.run import write_run
-from prf.sampler.tiles.rounds import make_round, make_tile_data
-from prf.sampler.tiles.tiled import finish_round, work_tile
+from prf.sampler.tiles.tiled import small_round
 from prf.score.scene import features_seen, scene_of_coloring
 from prf.shell.run import run_app
 from prf.window import Window
 from tests.factories import make_run
 from tests.reference.recompute import recompute_impacts
 
-LOG = Path(__file__).resolve().parent.parent / "data" / "demo-office.log.gz"
-TOWN = LOG.with_name("demo-town.ply.gz")
+DATA = Path(__file__).resolve().parent.parent / "data"
+LOG, TOWN = DATA / "demo-office.log.gz", DATA / "demo-town.ply.gz"
 CHAIN = (
-    "prf prior --scale 1 --window 0 0 1 1 --draws 3 --method exact --seed 1 -o exact.geojsonl",
-    "prf prior --scale 1 --window 0 0 1 1 --draws 3 --method mcmc --thin 50 --seed 1 -o mcmc.geojsonl",
+    *(f"prf {line}" for job in ("prior", "sonar", "points") for line in prf_warm.COMMANDS[job]),
     f"prf sample --laser {LOG} --every-scan 10 --every-beam 12 --set thinning.beam_density=0.1 --chains 2 --steps 2000"
     " --resolution 1 --seed 1 -o run",
-    "prf sample --sonar sonar.csv --window 3 5 8 9 --steps 10 --chains 1 --seed 1 -o echoes",
-    "prf sample --point-data values.csv --steps 10 --chains 1 --seed 1 -o points",
 )
 REST = (
-    "mapq simulate --size small --n-points 20000 --seed 1 -o simulated.ply",
-    "mapq segment simulated.ply -o simulated.patches",
-    "mapq features simulated.patches --json",
-    f"mapq segment {TOWN} -o town.patches",
-    f"mapq segment {TOWN} --set segment.resolution=0.3 -o coarse.patches",
-    "mapq classify town.patches -o town.ply",
-    "prf query run --points points.csv --square 0.5",
-    "prf query run --points points.csv",
-    "prf query run --path points.csv --radius 0.2",
-    "prf export run --format ros-map --resolution 1 -o ros",
-    f"prf grid --laser {LOG} --every-scan 10 -o grid.npz",
-    f"prf grid --laser {LOG} --every-scan 10 --set grid.method=log-odds -o log-odds.npz",
-    f"prf score run --laser {LOG} --every-scan 10 --seed 1",
-    f"prf score grid.npz --laser {LOG} --every-scan 10 --seed 1",
-    "prf score run --sonar sonar.csv",
-    "prf score grid.npz --sonar sonar.csv",
+    *(f"mapq {line}" for line in mapq_warm.COMMANDS["classify"]),
+    f"mapq segment {TOWN} -o demo.patches",
+    "mapq features demo.patches --json",
+    "mapq classify demo.patches -o demo.ply",
+    *(f"prf {line}" for line in prf_warm.COMMANDS["maps"] if not line.startswith("sample")),
 )
 
 
@@ -67,9 +54,8 @@ def run_commands(commands: tuple[str, ...]) -> None:
     """Run commands in a folder of their own, and discard their results."""
     apps = {"prf": prf.cli.app, "mapq": mapq.cli.app}
     with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder), contextlib.redirect_stdout(io.StringIO()):
-        Path("points.csv").write_text("x,y\n5.0,7.0\n6.0,7.0\n")
-        Path("values.csv").write_text("x,y,value\n5.0,7.0,0\n6.0,7.0,1\n5.0,8.0,1\n6.0,8.0,0\n")
-        Path("sonar.csv").write_text("x,y,theta,range,cone\n5.0,7.0,0.0,2.0,0.349\n")
+        for name, text in prf_warm.FILES.items():
+            Path(name).write_text(text)
         for command in commands:
             tool, *words = command.split()
             if words[1] == "run" and not Path("run").exists():
@@ -82,11 +68,8 @@ def run_commands(commands: tuple[str, ...]) -> None:
 def call_with_chain() -> None:
     """Call what no verb calls, on a chain: a round of tiles, which verbs begin only after many steps."""
     coloring = exact_draws(1.0, Window(0.0, 0.0, 1.0, 1.0), 1, np.random.default_rng(1))[0]
-    settings = Settings(coloring.window, 1.0, resolution=0.2)
-    data, chain = make_tile_data(settings), make_chain(settings, coloring)
-    recompute_impacts(chain)
-    begun = make_round(data, chain, 2, 0.2, 20, np.random.default_rng(1))
-    finish_round(data, chain, begun, [work_tile(data, begun, number) for number in range(len(begun.tiles))])
+    recompute_impacts(make_chain(Settings(coloring.window, 1.0, resolution=0.2), coloring))
+    small_round()
 
 
 def call_on_maps() -> None:

@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from prf.shell.kernel_cache import KernelCache
+from prf.shell.kernel_parts import part_options, share_integers
 
-FLAGS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "cache": True}
+FLAGS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "cache": True, "no_cfunc_wrapper": True}
 """``nogil`` lets tiles run in threads; ``numpy`` errors make a division by zero give inf, not raise inside a loop.
 
 ``fastmath`` stays off: it would drop the nan and inf that the predicates rely on, and change results with the CPU.
@@ -39,14 +40,11 @@ def jit(function: _Function) -> _Function:
     """
     with CACHE.own():
         compiled: _Function = numba.njit(**FLAGS)(function)
-    return compiled
+    return share_integers(compiled)
 
 
 def part(function: _Function) -> _Function:
-    """Compile a part of a kernel: inlined or called by entries only, without a cache file of its own.
-
-    Half the compile time of :func:`jit`, as numba makes no door from Python for it.
-    """
-    flags = {**FLAGS, "cache": False, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+    """Compile a part of a kernel: inlined or called by entries only, without a cache file of its own."""
+    flags = {**FLAGS, "cache": False, "no_cpython_wrapper": True, **part_options()}
     compiled: _Function = numba.njit(**flags)(function)
-    return compiled
+    return share_integers(compiled)

@@ -98,7 +98,9 @@ def gap_at(sheets: Sheets, i: int, k: int, near: Floats, sides: Floats) -> float
     row = min(int((v - sheets.low[i, 1]) / cell), sheets.size[i, 1] - 1)
     for ring in range(1, RINGS + 1):
         limit = (ring * cell) ** 2
-        near[:, 0], near[:, 1], near[:, 2], sides[:] = limit, 0.0, 0.0, limit
+        for kept in range(len(near)):
+            near[kept, 0], near[kept, 1], near[kept, 2] = limit, 0.0, 0.0
+        sides[:] = limit
         for y in range(max(row - ring, 0), min(row + ring + 1, sheets.size[i, 1])):
             from_cell = sheets.base[i] + y * sheets.size[i, 0] + max(column - ring, 0)
             to_cell = sheets.base[i] + y * sheets.size[i, 0] + min(column + ring, sheets.size[i, 0] - 1)
@@ -122,7 +124,8 @@ def keep_nearest(near: Floats, square: float, right: float, above: float) -> Non
         return
     place = len(near) - 1
     while place > 0 and near[place - 1, 0] > square:
-        near[place] = near[place - 1]
+        for column in range(3):
+            near[place, column] = near[place - 1, column]
         place -= 1
     near[place, 0], near[place, 1], near[place, 2] = square, right, above
 

@@ -28,7 +28,7 @@ from prf.run import Run
 from prf.run.write import is_unfinished
 from prf.sampler.driver import StopRule, drive
 from prf.sampler.prepare import with_poses
-from prf.sampler.session import Session, needs_compiling
+from prf.sampler.session import Session
 from prf.shell.errors import ArgumentError
 from prf.shell.notebook import ProgressCallback, reported
 from prf.shell.outputs import exclusive, refuse_existing
@@ -150,8 +150,6 @@ def sample(
         used_seed = resolve_seed(seed)
         prepared = prepared_for(sources, science)
         prepared.announce()
-        if needs_compiling():
-            logger.info("compiling kernels (once; about half a minute) ...")
         places = sources_in(science, requested)
         session = Session.start(
             with_poses(paths_of(sources), science), prepared, folder, used_seed, _threads(threads), places

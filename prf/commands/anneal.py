@@ -119,7 +119,6 @@ def _cool(
 
     from prf.anneal import anneal as cool
     from prf.sampler.prepare import describe_readings, read_prepared
-    from prf.sampler.session import needs_compiling
     from prf.shell.progress import progress
     from prf.shell.seeds import spawn_generators
     from prf.shell.signals import graceful_stop
@@ -130,8 +129,6 @@ def _cool(
     n_beams = 0 if prepared.settings.laser is None else prepared.settings.laser.readings.n_beams
     readings = describe_readings(prepared.settings, prepared.n_beams_thinned)
     logger.info(f"{readings}, {config.sampler.chains} chains, seed {seed}")
-    if needs_compiling():
-        logger.info("compiling kernels (once; about half a minute) ...")
     with graceful_stop() as stop, progress(1.0, "annealing") as reporter:
         found = cool(
             prepared.settings,

@@ -10,8 +10,9 @@ import numba
 import numpy as np
 
 from prf.shell.kernel_cache import KernelCache
+from prf.shell.kernel_parts import part_options, share_integers
 
-FLAGS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "cache": True}
+FLAGS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "cache": True, "no_cfunc_wrapper": True}
 """``nogil`` lets chains run in threads; ``numpy`` errors make a division by zero give inf, not raise inside a chain.
 
 ``fastmath`` stays off: it would drop the nan and inf that the predicates rely on, and change results with the CPU.
@@ -26,6 +27,9 @@ One that changes its meaning crashes or leaks in a kernel that allocates: `pytho
 tests/kernels/test_jit_cache.py show both.
 """
 
+PART_FLAGS: dict[str, Any] = {**CORE_FLAGS, "no_cpython_wrapper": True, "cache": False, **part_options()}
+"""Flags of the sampler's kernels that only other kernels call."""
+
 Array = np.ndarray
 Rng = np.random.Generator
 
@@ -39,19 +43,17 @@ def jit(function: _Function) -> _Function:
     """Compile `function` in nopython mode with the project's flags, cached under :data:`CACHE`."""
     with CACHE.own():
         compiled: _Function = numba.njit(**FLAGS)(function)
-    return compiled
+    return share_integers(compiled)
 
 
 def core(function: _Function) -> _Function:
     """Compile a part of the sampler that only other kernels call: calling it from Python crashes the interpreter.
 
     Without reference counts (it must not allocate) a step is nine times faster: a chain is a tuple of some eighty
-    arrays, each of which would be counted at every call. Without an entry from Python and a cache file of its own
-    a cold start takes half the time; the cache file of the :func:`core_entry` that calls it holds its code.
+    arrays, each of which would be counted at every call. The cache file of the entry that calls it holds its code.
     """
-    flags = {**CORE_FLAGS, "no_cpython_wrapper": True, "no_cfunc_wrapper": True, "cache": False}
-    compiled: _Function = numba.njit(**flags)(function)
-    return compiled
+    compiled: _Function = numba.njit(**PART_FLAGS)(function)
+    return share_integers(compiled)
 
 
 def spine(function: _Function) -> _Function:
@@ -59,9 +61,8 @@ def spine(function: _Function) -> _Function:
 
     A chain is some six hundred words when it is passed on; copying them at every call of a step took two fifths of it.
     """
-    flags = {**CORE_FLAGS, "no_cpython_wrapper": True, "no_cfunc_wrapper": True, "cache": False, "forceinline": True}
-    compiled: _Function = numba.njit(**flags)(function)
-    return compiled
+    compiled: _Function = numba.njit(**PART_FLAGS, forceinline=True)(function)
+    return share_integers(compiled)
 
 
 def core_entry(function: _Function) -> _Function:
@@ -72,4 +73,4 @@ def core_entry(function: _Function) -> _Function:
     """
     with CACHE.own():
         compiled: _Function = numba.njit(**CORE_FLAGS)(function)
-    return compiled
+    return share_integers(compiled)

@@ -70,8 +70,8 @@ def fill_index(graph: Graph, index: EdgeIndex, frozen: Array) -> bool:
     return has_room
 
 
-@core_entry
-def trace_all(chain: Chain) -> None:
+@core
+def trace_readings(chain: Chain) -> None:
     """Find every beam's impact, every cone's extent, and the log likelihoods of both, from scratch."""
     for beam in range(chain.beams.ray.shape[0]):
         trace_beam(chain.graph, chain.edge_index, chain.beams, beam)
@@ -79,13 +79,9 @@ def trace_all(chain: Chain) -> None:
         sense_now(chain.graph, chain.edge_index, chain.cones, cone, chain.proposal)
 
 
-@core_entry
-def recompute_sums(chain: Chain) -> None:
-    """Recompute the sums of length, log prior and log likelihood and lay out both indexes anew.
-
-    Orders within the lists of cells decide which neighbour a random number picks and how sums are rounded. After
-    this they follow from the graph and the impacts alone.
-    """
+@core
+def sum_and_list(chain: Chain) -> None:
+    """Recompute the sums of length, log prior and log likelihood and lay out both indexes anew."""
     graph = chain.graph
     chain.edge_index.cell_count[:] = 0
     lists = chain.guards.lists
@@ -99,3 +95,26 @@ def recompute_sums(chain: Chain) -> None:
     readings = relist_beams(chain.beams) + relist_cones(chain.cones)
     graph.sums[c.LOG_LIKELIHOOD] = readings + sum_points(chain.points)
     graph.counts[c.OCCUPIED] = chain.sensors.black.sum() + count_blocked(graph, chain.edge_index, chain.guards)
+
+
+@core_entry
+def recompute(chain: Chain, traces: bool, sums: bool) -> None:
+    """Trace readings, make sums anew, or both: one entry, as the way of a chain from Python takes long to compile."""
+    if traces:
+        trace_readings(chain)
+    if sums:
+        sum_and_list(chain)
+
+
+def trace_all(chain: Chain) -> None:
+    """Find every beam's impact, every cone's extent, and the log likelihoods of both, from scratch."""
+    recompute(chain, True, False)
+
+
+def recompute_sums(chain: Chain) -> None:
+    """Recompute the sums of length, log prior and log likelihood and lay out both indexes anew.
+
+    Orders within the lists of cells decide which neighbour a random number picks and how sums are rounded. After
+    this they follow from the graph and the impacts alone.
+    """
+    recompute(chain, False, True)

@@ -117,6 +117,13 @@ def add_edge(graph: Graph, proposal: Proposal, a: int, b: int) -> None:
 
 
 @core
+def add_edges(graph: Graph, proposal: Proposal, ends: tuple[tuple[int, int], ...]) -> None:
+    """Add an edge between each of these pairs of vertices."""
+    for a, b in ends:
+        add_edge(graph, proposal, a, b)
+
+
+@core
 def new_ends(proposal: Proposal, k: int) -> tuple[int, int]:
     """Both vertices of the new edge k."""
     return proposal.new_edges[k, 0], proposal.new_edges[k, 1]

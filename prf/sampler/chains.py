@@ -112,10 +112,8 @@ class Sampler:
         return _centres(self.settings)[self.probe_pixels]
 
     def compile(self) -> None:
-        """Have the kernels compiled, or read from their cache, without making a step."""
+        """Have the kernels compiled, or read from their cache, without a step; those of tiles come later."""
         run_chain(self.chains[0].chain, self.chains[0].rng, self.step)
-        if self._tiled:
-            self._tiled[0].compile()
 
     def find_starts(self, stop_requested: Callable[[], bool]) -> None:
         """Before the first step: let every chain find where it starts (:mod:`prf.sampler.starts`)."""

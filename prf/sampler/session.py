@@ -18,8 +18,6 @@ import numpy as np
 from prf.configuration import IN_MANIFEST, Configuration
 from prf.convergence import outlook, verdict
 from prf.kernels import constants as c
-from prf.kernels import step
-from prf.kernels._jit import CACHE
 from prf.posterior import Settings
 from prf.run import PosteriorImage, Progress, Run, names, read_manifest, read_run, write_run
 from prf.run.write import make_folder, remove_half_written, remove_stale_outputs, remove_unfinished, write_manifest
@@ -281,11 +279,6 @@ def refuse_other_log(run: Run, flag: str, log: str | os.PathLike[str]) -> None:
     known = [given.get("sha256") for given in run.manifest.get("inputs", [])]
     if describe_input(log)["sha256"] not in known:
         raise InputError(f"{log}: not the log that the run was made from. Leave {flag} out, or sample anew.")
-
-
-def needs_compiling() -> bool:
-    """Return whether the first step will compile the kernels, which takes some seconds."""
-    return not CACHE.is_compiled(f"step.{step.run.__name__}")
 
 
 def default_output(log: str | os.PathLike[str]) -> Path:

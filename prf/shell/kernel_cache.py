@@ -3,7 +3,7 @@
 Numba's own cache looks at the file of the function it compiles, not at the functions that it calls: an edit in a
 callee leaves callers running old code. The folder name therefore carries a digest of every kernel source, of the
 flags and of the versions that make the machine code, so that any edit starts an empty cache. Both tools' kernel
-packages take their folder from here; nothing else of the shell imports numba.
+packages take their folder from here; of the shell only what they take imports numba.
 """
 
 from __future__ import annotations
@@ -26,6 +26,9 @@ from typing import Any
 import llvmlite
 import numba
 import numpy as np
+from numba.core import event
+
+from prf.shell.kernel_progress import CompileProgress
 
 KEPT_DIGESTS = 8
 """Caches of this many source states survive: enough to go back and forth between branches without compiling."""
@@ -42,6 +45,9 @@ class KernelCache:
 
     def __init__(self, tool: str, sources: Path, flags: Mapping[str, Any]) -> None:
         self.folder = cache_folder(tool, source_digest(sources, flags))
+        self.progress = CompileProgress(tool, self.compiled)
+        register: Any = event.register
+        register("numba:compile", self.progress)
 
     @contextmanager
     def own(self) -> Iterator[None]:
@@ -54,9 +60,9 @@ class KernelCache:
         finally:
             config.CACHE_DIR = before
 
-    def is_compiled(self, kernel: str) -> bool:
-        """Return whether the cache holds machine code of the entry `kernel` (``module.function``) for these sources."""
-        return any(self.folder.rglob(f"{kernel}-*.nbi"))
+    def compiled(self) -> set[str]:
+        """Return the kernels (``file.function``) whose machine code the cache holds for these sources."""
+        return {path.name.partition("-")[0] for path in self.folder.rglob("*.nbi")}
 
 
 def source_digest(folder: Path, flags: Mapping[str, Any]) -> str:

@@ -18,6 +18,10 @@ PLAIN_INTERVAL = 10.0
 """Seconds between two plain lines: enough for a log file, too few to flood it."""
 
 
+_bars: list[Progress] = []
+"""The bar on the terminal, if there is one."""
+
+
 class Reporter(Protocol):
     """What :func:`progress` yields."""
 
@@ -73,9 +77,17 @@ def progress(total: float | None, description: str) -> Iterator[Reporter]:
         yield Silent()
     elif not (console.can_redraw(sys.stderr) or console.in_notebook()):
         yield _Plain(total, description)
+    elif _bars:  # one within another gets a line of its own below it
+        task = _bars[-1].add_task(description, total=total, fields="")
+        yield _Bar(_bars[-1], task)
+        _bars[-1].remove_task(task)
     else:
         with _make_bar() as bar:
-            yield _Bar(bar, bar.add_task(description, total=total, fields=""))
+            _bars.append(bar)
+            try:
+                yield _Bar(bar, bar.add_task(description, total=total, fields=""))
+            finally:
+                _bars.remove(bar)
 
 
 def _make_bar() -> Progress:

@@ -139,6 +139,8 @@ VERBS = (
     ),
     Verb("mapq simulate --size small --n-points 2000 --seed 1 -o out.ply", (), ("out.ply",)),
     Verb("mapq config show mapq.toml", ("mapq.toml",)),
+    Verb("prf warm --for points", ()),
+    Verb("mapq warm --for classify", ()),
 )
 ONE_EACH = {verb.name: verb for verb in reversed(VERBS)}
 """Tool and verb to one call of it."""

@@ -137,8 +137,7 @@ def propose_cut(graph: Graph, index: EdgeIndex, proposal: Proposal, tuning: Arra
         r, u = u, r
     edit.remove_edge(proposal, e)
     edit.remove_edge(proposal, f)
-    for jamb_or_piece in ((p, s), (q, t), (a, p), (q, b), (r, s), (t, u)):
-        edit.add_edge(graph, proposal, jamb_or_piece[0], jamb_or_piece[1])
+    edit.add_edges(graph, proposal, ((p, s), (q, t), (a, p), (q, b), (r, s), (t, u)))
     edit.turn_round(graph, proposal, (a, p, s, r, u, t, q, b))
     forward = gap_density(graph, tuning, a, b, p, q, s, t, r, u) / n_e
     n_f = list_near(graph, index, block_round_cut(graph, index.grid, r, u, s, t), f)

@@ -59,8 +59,7 @@ def propose_join(graph: Graph, index: EdgeIndex, proposal: Proposal, tuning: Arr
         a, b = b, a
     edit.remove_edge(proposal, e)
     edit.remove_edge(proposal, f)
-    for new in ((u, p), (v, q), (a, p), (q, b)):
-        edit.add_edge(graph, proposal, new[0], new[1])
+    edit.add_edges(graph, proposal, ((u, p), (v, q), (a, p), (q, b)))
     edit.turn_round(graph, proposal, (u, p, a, b, q, v))
     density = link_density(graph, tuning, u, v, a, b, p, q) / n
     density += link_density(graph, tuning, a, b, u, v, p, q) * links_now(graph, index, f, e)

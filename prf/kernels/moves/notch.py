@@ -156,8 +156,7 @@ def propose_notch(
 def join_tooth(graph: Graph, targets: Targets, proposal: Proposal, tuning: Array, a: int, b: int) -> float:
     """Add the edges of a tooth in ab; return the density of its corners."""
     t, p, q = proposal.new_vertices[0], proposal.new_vertices[1], proposal.new_vertices[2]
-    for new in ((p, t), (t, q), (a, p), (q, b)):
-        edit.add_edge(graph, proposal, new[0], new[1])
+    edit.add_edges(graph, proposal, ((p, t), (t, q), (a, p), (q, b)))
     edit.turn_round(graph, proposal, (a, p, t, q, b))
     return tooth_density(graph, targets, tuning, a, b, p, t, q)
 
@@ -170,8 +169,7 @@ def join_niche(graph: Graph, index: EdgeIndex, targets: Targets, proposal: Propo
     s, t, p, q = added[0], added[1], added[2], added[3]
     if placing.foot_and_offset(graph, a, b, s)[0] > placing.foot_and_offset(graph, a, b, t)[0]:
         a, b = b, a
-    for new in ((p, s), (s, t), (t, q), (a, p), (q, b)):
-        edit.add_edge(graph, proposal, new[0], new[1])
+    edit.add_edges(graph, proposal, ((p, s), (s, t), (t, q), (a, p), (q, b)))
     edit.turn_round(graph, proposal, (a, p, s, t, q, b))
     density = niche_density(graph, targets, tuning, a, b, p, s, t, q) * share_now(graph, index, e, s)
     return density + niche_density(graph, targets, tuning, b, a, q, t, s, p) * share_now(graph, index, e, t)

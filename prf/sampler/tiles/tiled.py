@@ -17,13 +17,14 @@ from prf.kernels import constants as c
 from prf.kernels.chain import Chain
 from prf.kernels.image import count_edges, settle_all
 from prf.layout import run_chain
+from prf.posterior import Settings, make_chain
 from prf.sampler.chain import ChainSampler
 from prf.sampler.chain_map import with_map
 from prf.sampler.record import Draw, burn_in, functionals
 from prf.sampler.tiles.part import Part, make_part
 from prf.sampler.tiles.partition import PLAIN_SHARE, first_round, looks_of, narrowest, round_length
 from prf.sampler.tiles.rounds import Round, TileData, make_round, make_tile_data
-from prf.window import INTERIOR
+from prf.window import INTERIOR, Window
 
 
 class TileState(NamedTuple):
@@ -163,10 +164,6 @@ class TiledChain:
         """Steps of the next round."""
         return min(self.length, max(self.first, burn_in(self.sampler.step)))
 
-    def compile(self) -> None:
-        """Have the kernels of tiles compiled, or read from their cache, without making a step."""
-        work_tile(self.data, self._round(0, np.random.default_rng(0)), 0)
-
     def begin(self) -> Round:
         """Begin a round."""
         steps = self.next_length - round(PLAIN_SHARE * self.next_length)
@@ -218,3 +215,11 @@ def advance_in_tiles(chains: Sequence[TiledChain], pool: Executor) -> None:
     ]
     results = [[future.result() for future in row] for row in futures]
     list(pool.map(TiledChain.end, chains, begun, results))
+
+
+def small_round() -> None:
+    """Do one round of a few steps without readings: it calls all kernels of tiles, which a run does after many steps."""
+    settings = Settings(Window(0.0, 0.0, 1.0, 1.0), 1.0, resolution=0.2)
+    data, chain = make_tile_data(settings), make_chain(settings, Coloring.empty(settings.window))
+    begun = make_round(data, chain, 2, 0.2, 20, np.random.default_rng(1))
+    finish_round(data, chain, begun, [work_tile(data, begun, number) for number in range(len(begun.tiles))])

@@ -1,0 +1,72 @@
+"""What is said of compiling, and the code of parts: compiled once, linked into what calls them, or as numba does it."""
+
+from __future__ import annotations
+
+import logging
+import sys
+from types import ModuleType
+from typing import Any
+
+import numba
+import numpy as np
+import pytest
+from numba.core import codegen, event
+
+from prf.shell.kernel_parts import part_options, share_integers
+from prf.shell.kernel_progress import CompileProgress
+
+FLAGS: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+SOURCE = """
+@part
+def lowest(x, n):
+    return x + n
+
+@part
+def middle(x, n):
+    return lowest(lowest(x, n), 1)
+
+@njit
+def entry(values, few):
+    return middle(values[0], few[0]) + lowest(0.0, len(values))
+"""
+ARGUMENTS = np.array([2.5, 0.0]), np.array([3], np.int32)
+
+
+def make_kernels(options: dict[str, Any]) -> tuple[Any, Any]:
+    """Return a kernel with two levels of parts, and the lowest part, which is called with integers of three kinds."""
+    njit: Any = numba.njit
+    names = {
+        "__name__": "tests.kernels.toy",
+        "njit": njit,
+        "part": lambda function: share_integers(njit(**FLAGS, **options)(function)),
+    }
+    exec(SOURCE, names)
+    return names["entry"], names["lowest"]
+
+
+def test_parts_are_compiled_once_for_integers_of_all_kinds() -> None:
+    entry, lowest = make_kernels(part_options())
+    assert part_options()
+    assert entry(*ARGUMENTS) == 2.5 + 3 + 1 + 2
+    assert len(lowest.signatures) == 1
+
+
+def test_a_numba_without_the_hooks_compiles_the_plain_way(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delattr(codegen, "JITCodeLibrary")
+    assert part_options() == {}
+    assert make_kernels(part_options())[0](*ARGUMENTS) == 2.5 + 3 + 1 + 2
+
+
+def test_kernels_are_counted_while_they_are_compiled(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    entry, _ = make_kernels(part_options())
+    caller = ModuleType("tests.caller")
+    vars(caller)["entry"] = entry
+    monkeypatch.setitem(sys.modules, "tests.caller", caller)
+    counted = CompileProgress("tests", set)
+    with event.install_listener("numba:compile", counted), caplog.at_level(logging.INFO):
+        entry(*ARGUMENTS)
+        entry(*ARGUMENTS)
+    assert len(counted.done) == 3
+    assert caplog.messages == ["compiling 3 kernels, once (tests warm does it ahead) ..."]
