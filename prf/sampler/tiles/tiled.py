@@ -218,7 +218,7 @@ def advance_in_tiles(chains: Sequence[TiledChain], pool: Executor) -> None:
 
 
 def small_round() -> None:
-    """Do one round of a few steps without readings: it calls all kernels of tiles, which a run does after many steps."""
+    """Do one round of a few steps without readings: it calls the kernels of tiles, as a run does after many."""
     settings = Settings(Window(0.0, 0.0, 1.0, 1.0), 1.0, resolution=0.2)
     data, chain = make_tile_data(settings), make_chain(settings, Coloring.empty(settings.window))
     begun = make_round(data, chain, 2, 0.2, 20, np.random.default_rng(1))
