@@ -174,7 +174,7 @@ def _sensor_poses(
     given, poses, ahead = settings.calibration, table.poses, looks_ahead(table.poses)
     if given == NO_CALIBRATION:
         return poses
-    is_kitti = table.is_matrix and all(suffix_of(name) == ".bin" for name in names)
+    is_kitti = table.layout == "KITTI" and all(suffix_of(name) == ".bin" for name in names)
     found = given or (_beside(CALIBRATION_NAME, path, names[0]) if is_kitti else None)
     if found is not None and (ahead is not False or (given is not None and not is_reference)):
         taken = laser_poses(poses, read_calibration(found))

@@ -27,9 +27,7 @@ Match = Literal["time", "order"]
 
 GAP = 2.0  # seconds between poses, up to which a robot is taken to go straight from one to the next
 SAME_TIME = 0.01  # seconds: a scan so near to a pose has it, since files round their times
-FEW = 0.01  # share of scans that a trajectory in another unit of time places by chance
-ALIKE = 5.0  # times longer, as a trajectory may be than the scans that it is for
-UNITS = {"milliseconds": 1e-3, "microseconds": 1e-6, "nanoseconds": 1e-9}
+FEW = 0.002  # share of scans that a trajectory of another clock or in another unit places by chance
 CLIMB = 1.0  # metres upward, as no robot on one floor goes; of a camera z is ahead
 TILT, LYING = np.cos(np.radians(5.0)), np.cos(np.radians(45.0))
 """Upward share of a z axis below which a remark is due, and below which poses are those of a camera or the like."""
@@ -132,10 +130,9 @@ def _matched(scans: ScanTable, poses: Poses, source: str) -> tuple[FloatArray, s
         why_not = _why_not_by_time(scans, poses, source)
         if not why_not:
             found, warnings = _by_time(scans, poses)
-            n_placed, unit = np.count_nonzero(np.isfinite(found[:, 0, 0])), _other_unit(scans, poses)
-            if n_placed > (FEW * len(found) if unit else 0):
+            if np.isfinite(found[:, 0, 0]).sum() >= min(len(found), max(FEW * len(found), 2)):
                 return found, "matched by time", warnings
-            why_not = _why_apart(scans, poses, source, unit)
+            why_not = _why_apart(scans, poses, source)
         if poses.match == "time":
             raise InputError(f"{why_not}.")
     if len(known) != len(scans.number):
@@ -172,29 +169,18 @@ def _by_time(scans: ScanTable, poses: Poses) -> tuple[FloatArray, list[str]]:
     return found, [f"{n_lost} of {len(found)} scans have no pose and are dropped: {words}"] if n_lost else []
 
 
-def _other_unit(scans: ScanTable, poses: Poses) -> str:
-    """Return the unit in which the poses would take as long as the scans, if that is not seconds."""
+def _why_apart(scans: ScanTable, poses: Poses, source: str) -> str:
+    """Return why next to no scan has a pose by time, and what to do."""
     assert poses.times is not None
-    time = in_seconds(scans.time)
-    longer = np.ptp(poses.times) / max(np.nanmax(time) - np.nanmin(time), SAME_TIME)
-    return next((unit for unit, factor in UNITS.items() if 1.0 / ALIKE < longer * factor < ALIKE), "")
-
-
-def _why_apart(scans: ScanTable, poses: Poses, source: str, unit: str) -> str:
-    """Return why no scan has a pose by time, and what to do."""
-    assert poses.times is not None
-    if unit:
-        return f"the times of {poses.source} look like {unit}, those of {source} are seconds: give seconds"
     time = in_seconds(scans.time)
     first, last, start, end = np.nanmin(time), np.nanmax(time), poses.times.min(), poses.times.max()
     if first <= end and last >= start:
-        return (
-            f"no scan of {source} lies between two poses of {poses.source} at most {poses.gap:g} s apart; "
-            "--set readings.pose_gap=SECONDS allows longer gaps"
-        )
+        why, change = f"next to no scan lies between two at most {poses.gap:g} s apart", "readings.pose_gap=SECONDS"
+    else:
+        why, change = "next to none is shared", f"readings.pose_offset={first - start + poses.offset:.3f}"
     return (
-        f"the times of {poses.source} ({start:.3f} to {end:.3f} s) share none with those of {source} ({first:.3f} to "
-        f"{last:.3f} s); if both began together, --set readings.pose_offset={first - start + poses.offset:.3f}"
+        f"times of {poses.source} are {start:.3f} to {end:.3f} s, of {source} {first:.3f} to {last:.3f} s, and {why}: "
+        f"give seconds of one clock, or --set {change}"
     )
 
 

@@ -17,10 +17,11 @@ LOG_SUFFIXES = (".gz", ".log", ".txt", ".bag", ".mcap", ".db3", ".csv", ".clf")
 
 
 def title_of(run: Run) -> str:
-    """Return what was mapped: the names of the logs, else that of the run."""
+    """Return what was mapped: the names of the logs, not that of their poses; else that of the run."""
     stems: list[str] = []
+    poses = (run.manifest.get("configuration") or {}).get("poses")
     for row in run.manifest.get("inputs") or ():
-        name = PurePath(str(row.get("path"))).name
+        name = PurePath(str(row.get("path"))).name if row.get("path") != poses else ""
         for suffix in LOG_SUFFIXES:
             name = name.removesuffix(suffix)
         stems += [name] if name not in ("-", "", *stems) else []

@@ -23,20 +23,14 @@ G2O_VERTICES = ("VERTEX_SE3:QUAT", "VERTEX_SE2")
 G2O_OTHERS = ("EDGE_", "FIX", "PARAMS_", "VERTEX_XY", "VERTEX_TRACKXYZ")
 """... rows of edges and landmarks are skipped."""
 
-SLAM_STATES = (
-    (
-        (0x7B1D1F7B5BF501DB).to_bytes(8, "little"),
-        "this is the state of Cartographer (.pbstream). Make a bag of it by cartographer_ros's "
-        "cartographer_dev_pbstream_trajectories_to_rosbag, of that a TUM file by evo_traj bag BAG TOPIC --save_as_tum, "
-        "and give this as --poses",
-    ),
-    (
-        b"\x16\0\0\0\0\0\0\0serialization::archive",
-        "this is the state of slam_toolbox (.posegraph, .data), which exports no poses. Record scans and /tf while it "
-        "maps or localizes, and give that bag; or make a TUM file of its topic by evo_traj bag2 BAG /pose "
-        "--save_as_tum, and give this as --poses",
-    ),
-)
+SLAM_STATES = {
+    (0x7B1D1F7B5BF501DB).to_bytes(8, "little"): "this is the state of Cartographer (.pbstream). Make a bag of it by "
+    "cartographer_ros's cartographer_dev_pbstream_trajectories_to_rosbag, of that a TUM file by evo_traj bag BAG TOPIC "
+    "--save_as_tum, and give this as --poses",
+    b"\x16\0\0\0\0\0\0\0serialization::archive": "this is the state of slam_toolbox (.posegraph, .data), which exports "
+    "no poses. Record scans and /tf while it maps or localizes, and give that bag; or make a TUM file of its topic by "
+    "evo_traj bag2 BAG /pose --save_as_tum, and give this as --poses",
+}
 """How state files of SLAM programs begin, and what to take instead."""
 
 _PLACE, _TURN = (
@@ -87,9 +81,6 @@ def read_pose_rows(path: str, layouts: str) -> PoseRows:
             rows.append(fields)
     if not rows:
         raise InputError(f"{source}: no poses. {layouts}")
-    for place, fields in zip(where, rows, strict=True):
-        if len(fields) != len(rows[0]):
-            raise InputError(f"{place}: {len(fields)} columns, but {len(rows[0])} before. Mend this line.")
     names = None
     if is_g2o or (len(rows[0]) == 8 and not all(_is_number(fields[0]) for fields in rows)):
         names = tuple(fields[0] for fields in rows)
@@ -124,17 +115,19 @@ def _of_json(text: str, source: str, layouts: str) -> PoseRows:
 
 
 def numbers(rows: Sequence[Sequence[str]], where: Sequence[str], layouts: str) -> Floats:
-    """Return the finite numbers (k, w) in rows of text."""
+    """Return the finite numbers (k, w) in rows of text, as many in each."""
     for fields, place in zip(rows, where, strict=True):
         for field in fields:
             if not (_is_number(field) and math.isfinite(float(field))):
                 raise InputError(f"{place}: {field[:24]!r} is not a finite number. {layouts}")
+        if len(fields) != len(rows[0]):
+            raise InputError(f"{place}: {len(fields)} columns, but {len(rows[0])} before. Mend this line.")
     return np.array(rows, np.float64)
 
 
 def slam_state(head: bytes) -> str | None:
     """Return what a state file of a SLAM program is, and what to take instead; None if it is none."""
-    return next((words for magic, words in SLAM_STATES if head.startswith(magic)), None)
+    return next((words for magic, words in SLAM_STATES.items() if head.startswith(magic)), None)
 
 
 def _text(path: str, source: str) -> str:

@@ -35,48 +35,19 @@ LAYOUTS = (
 
 
 class Trajectory(NamedTuple):
-    """Poses of a sensor or a robot, as a file has them.
+    """Poses of a sensor or a robot, as a file has them."""
 
-    Attributes
-    ----------
-    poses : (k, 4, 4) float64
-        ``T_map_body``, metres; those of the plane (x, y, theta) have z = 0.
-    names : tuple of str or None
-        First column of graph.txt, such as ``v0``; of g2o the number behind a v.
-    times : (k,) float64 or None
-        Seconds: first column of TUM, column t of CSV, or the last number of a 4x4 matrix.
-    layout : str
-        For a person: "KITTI", "TUM", "g2o", "CSV" and others.
-    """
-
-    poses: Floats
-    names: tuple[str, ...] | None
-    times: Floats | None
-    layout: str
-
-    @property
-    def is_matrix(self) -> bool:
-        """Whether rows were matrices of 12 numbers, as KITTI has them."""
-        return self.layout == "KITTI"
+    poses: Floats  # (k, 4, 4) T_map_body, metres; those of the plane (x, y, theta) have z = 0
+    names: tuple[str, ...] | None  # first column of graph.txt, such as v0; of g2o the number behind a v
+    times: Floats | None  # (k,) seconds: first column of TUM, column t of CSV, or the last number of a 4x4 matrix
+    layout: str  # for a person: KITTI (rows of 12 numbers), TUM, g2o, CSV and others
 
 
 def read_trajectory(path: str, quaternion: Order | None = None, key: str = "quaternion") -> Trajectory:
-    """Read the poses of a file; a header or the number of columns identifies the layout.
+    """Read the poses of a text, gzipped or not; a header or the number of columns identifies the layout.
 
-    Parameters
-    ----------
-    path : str
-        Text of blanks or commas, gzipped or not; ``-`` is standard input. Lines that begin with ``#`` are skipped.
-    quaternion : {"xyzw", "wxyz"}, optional
-        Order of quaternions without a header. Without it ``xyzw``, and refused where sensors then hang upside down
-        that would all stand upright by the other order.
-    key : str
-        Setting that states it, for messages.
-
-    Raises
-    ------
-    InputError
-        If the file is missing, has another layout, or a row is no rigid motion.
+    `quaternion`: order without a header, which `key` states in messages. Without it xyzw, and refused where sensors then
+    hang upside down that would all stand upright by the other order.
     """
     rows = read_pose_rows(path, LAYOUTS)
     values, times, where = rows.values, None, rows.where

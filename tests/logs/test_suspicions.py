@@ -41,7 +41,9 @@ class TestJumps:
     def test_a_step_is_given_in_metres_and_both_where_both_jump(self):
         poses = [(x + 3 * (i >= 10), y, 1.3 * (i >= 15)) for i, (x, y, _) in enumerate(straight(20))]
         assert jump_in(drive(poses[:14])).endswith("the largest by 3.5 m at scan 10")
-        assert jump_in(drive(poses, seconds=0.3)).endswith("the largest by 3.5 m at scan 10 and by 74 degrees at scan 15")
+        assert jump_in(drive(poses, seconds=0.3)).endswith(
+            "the largest by 3.5 m at scan 10 and by 74 degrees at scan 15"
+        )
 
 
 class TestUnits:

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from prf.report import write_report
+from prf.report.words import title_of
 from prf.shell.errors import InputError
 from tests.factories import make_run
 from tests.mapq.report.results import without_scripts
@@ -26,6 +27,12 @@ def test_a_page_is_named_after_its_log_and_says_what_it_shows(tmp_path: Path) ->
     assert "all 160 draws of the run, as prf query" in page
     assert "/logs/&lt;b&gt;hall.log.gz, sha256 0" in page
     assert "<h1>Ours</h1>" in written(tmp_path / "o.html", title="Ours")
+
+
+def test_poses_of_a_file_are_no_log() -> None:
+    inputs = [{"path": "a/hall.log"}, {"path": "a/way.tum"}]
+    run = dataclasses.replace(slow_run(), manifest={"inputs": inputs, "configuration": {"poses": "a/way.tum"}})
+    assert title_of(run) == "hall"
 
 
 def test_nothing_of_a_page_lies_elsewhere_and_nothing_in_it_is_markup(tmp_path: Path) -> None:

@@ -47,7 +47,7 @@ def test_every_layout(layout, tmp_path):
     np.testing.assert_allclose(table.poses, POSES, atol=1e-12)
     assert (table.times is not None) == (layout in ("tum", "stamped", "stamped blocks"))
     assert table.names == (("v0", "v1") if layout in ("graph", "g2o") else None)
-    assert table.is_matrix == (layout == "kitti")
+    assert (table.layout == "KITTI") == (layout == "kitti")
 
 
 PLANAR = POSES[:, :2, 3].round(6).tolist()
@@ -104,6 +104,10 @@ def test_rounded_rotations_become_exact(tmp_path):
         ("", "poses.txt: no poses. Read are rows of 12"),
         ("# nothing\n\n", "poses.txt: no poses"),
         ("1 2 3\n", "poses.txt:1: 3 columns are no pose"),
+        (
+            "# log\nPARAM laser 1 host 0\nFLASER 1 2 0 0 0 0 0 0 0 host 0\n",
+            "poses.txt:2: 'PARAM' is not a finite number",
+        ),
         ("0 0 0 0 0 0 1\n\n0 0 0 0 0 1\n", "poses.txt:3: 6 columns, but 7 before"),
         ("0 0 0 0 0 0 1\n0 0 x 0 0 0 1\n", "poses.txt:2: 'x' is not a finite number"),
         ("0 0 0 0 0 0 1\n0 0 nan 0 0 0 1\n", "poses.txt:2: 'nan' is not a finite number"),
