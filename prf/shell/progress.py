@@ -43,14 +43,19 @@ class _Plain:
         self._total = total
         self._description = description
         self._start = self._last = time.monotonic()
+        self._first: tuple[float, float] | None = None
 
     def update(self, completed: float, **fields: object) -> None:
         """Print a line if the last one is old enough."""
         now = time.monotonic()
+        if self._first is None:  # what came before, such as compiling, says nothing of the time left
+            self._first = completed, now
         if now - self._last < PLAIN_INTERVAL:
             return
         self._last = now
-        line = plain_line(self._description, completed, self._total, now - self._start, fields)
+        done, since = self._first
+        left = (now - since) * ((self._total or 0.0) - completed) / (completed - done) if completed > done else None
+        line = plain_line(self._description, completed, self._total, now - self._start, left, fields)
         print(line, file=sys.stderr, flush=True)
 
 
@@ -115,7 +120,12 @@ def _make_bar() -> Progress:
 
 
 def plain_line(
-    description: str, completed: float, total: float | None, elapsed: float, fields: dict[str, object]
+    description: str,
+    completed: float,
+    total: float | None,
+    elapsed: float,
+    left: float | None,
+    fields: dict[str, object],
 ) -> str:
     """Return one line of progress without control characters; without a `total` there is no share and no time left."""
     parts = [description]
@@ -123,8 +133,8 @@ def plain_line(
         parts.append(f"{100 * completed / total:.0f} %")
     parts += [_join(fields)] if fields else []
     parts.append(f"elapsed {_clock(elapsed)}")
-    if total and completed > 0:
-        parts.append(f"left {_clock(max(0.0, elapsed * (total - completed) / completed))}")
+    if total and left is not None:
+        parts.append(f"left {_clock(max(0.0, left))}")
     return "  ".join(parts)
 
 

@@ -50,7 +50,7 @@ def test_a_pipe_gets_a_plain_line_every_ten_seconds(clock: Clock, capsys: pytest
 
 
 def test_without_a_total_there_is_no_time_left() -> None:
-    line = progress.plain_line("sampling", 10, None, 61.0, {"rhat": "1.20"})
+    line = progress.plain_line("sampling", 10, None, 61.0, None, {"rhat": "1.20"})
     assert line == "sampling  rhat 1.20  elapsed 0:01:01"
 
 
