@@ -46,7 +46,7 @@ class Trajectory(NamedTuple):
 def read_trajectory(path: str, quaternion: Order | None = None, key: str = "quaternion") -> Trajectory:
     """Read the poses of a text, gzipped or not; a header or the number of columns identifies the layout.
 
-    `quaternion`: order without a header, which `key` states in messages. Without it xyzw, and refused where sensors then
+    `quaternion`: order without a header, which `key` states in messages. Without it xyzw, refused where sensors then
     hang upside down that would all stand upright by the other order.
     """
     rows = read_pose_rows(path, LAYOUTS)
