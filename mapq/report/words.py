@@ -139,12 +139,17 @@ def origin_table(findings: Findings) -> str:
         ("result", PurePath(findings.path).name),
         ("created", head.get("created", DASH)),
         ("command", " ".join(map(str, head.get("command") or ()))),
-        *(("input", f"{row.get('path')}, sha256 {row.get('sha256')}") for row in head.get("inputs") or ()),
+        *(("input", _input(row)) for row in head.get("inputs") or ()),
         ("model, edges, calibration", model),
         ("suspicious", f"from a probability of {findings.threshold:.3f}"),
         ("versions", ", ".join(f"{name} {value}" for name, value in findings.part("versions").items())),
     ]
     return _plain((escape(name), escape(text)) for name, text in rows)
+
+
+def _input(row: Row) -> str:
+    digest = row.get("sha256")  # folders and streams have none
+    return f"{row.get('path')}, sha256 {digest}" if digest else str(row.get("path"))
 
 
 def _plain(rows: Iterable[tuple[str, str]]) -> str:

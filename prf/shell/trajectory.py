@@ -61,6 +61,8 @@ def read_trajectory(path: str, quaternion: Order | None = None, key: str = "quat
     is_planar = width == 3 + (not rows.is_g2o) and (rows.is_g2o or bool((np.diff(values[:, 0]) > 0.0).all()))
     if width == 8 or (width == 4 and is_planar):
         times, values = values[:, 0], values[:, 1:]
+    if not is_planar and values.shape[1] not in (7, 12, 16):
+        raise InputError(f"{where[0]}: {width} columns are no pose. {LAYOUTS}")
     _refuse_far(values, where)
     layout = "g2o" if rows.is_g2o else {8: "TUM", 12: "KITTI", 4: "t x y theta"}.get(width, f"rows of {width}")
     if is_planar:
@@ -139,11 +141,8 @@ def _of_angles(place: Floats, turns: Floats, where: Sequence[str]) -> Floats:
 
 def _of_matrices(values: Floats, where: Sequence[str]) -> Floats:
     """Return the poses of rows of 12 or 16 numbers."""
-    width = values.shape[1]
-    if width not in (12, 16):
-        raise InputError(f"{where[0]}: {width} columns are no pose. {LAYOUTS}")
     matrices = values.reshape(len(values), -1, 4)
-    if width == 16:
+    if values.shape[1] == 16:
         wrong = np.flatnonzero(np.abs(matrices[:, 3] - [0.0, 0.0, 0.0, 1.0]).max(axis=1) > ROTATION_TOLERANCE)
         if len(wrong):
             raise InputError(f"{where[wrong[0]]}: the last row of this 4x4 matrix is not 0 0 0 1. Give it by rows.")

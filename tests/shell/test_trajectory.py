@@ -108,6 +108,7 @@ def test_rounded_rotations_become_exact(tmp_path):
             "# log\nPARAM laser 1 host 0\nFLASER 1 2 0 0 0 0 0 0 0 host 0\n",
             "poses.txt:2: 'PARAM' is not a finite number",
         ),
+        ("0 1339759084e9 0 1 1\n", "poses.txt:1: 5 columns are no pose"),
         ("0 0 0 0 0 0 1\n\n0 0 0 0 0 1\n", "poses.txt:3: 6 columns, but 7 before"),
         ("0 0 0 0 0 0 1\n0 0 x 0 0 0 1\n", "poses.txt:2: 'x' is not a finite number"),
         ("0 0 0 0 0 0 1\n0 0 nan 0 0 0 1\n", "poses.txt:2: 'nan' is not a finite number"),

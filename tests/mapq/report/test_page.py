@@ -49,6 +49,7 @@ def test_a_page_shows_the_result(tmp_path):
 def test_a_page_shows_coverage_and_disagreement_of_scans(tmp_path):
     told = read_findings(str(save_result(tmp_path / "r.ply")))
     told.head["counts"]["coverage"] = 0.125
+    told.head["inputs"] = [{"path": "scans", "sha256": None}, {"path": "poses.txt", "sha256": "12ab"}]
     told.rows[3].update(disagreement_m=0.12345, low=0.05, high=0.25)
     page = report(tmp_path / "s.html", told)
     assert "; 12.5 % of all planes could be judged" in page
@@ -56,7 +57,10 @@ def test_a_page_shows_coverage_and_disagreement_of_scans(tmp_path):
     assert "12.5 % of the points that lie on planes of any tilt" in page
     assert data_of(page)["apart"][3] == [0.123, 0.05, 0.25]
     assert data_of(page)["apart"][4] == [None, None, None]
-    assert "extent of patches" in page[page.index("How this was made") :]
+    made = without_scripts(page[page.index("How this was made") :])
+    assert "extent of patches" in made
+    assert "poses.txt, sha256 12ab" in made
+    assert "None" not in made
 
 
 def test_half_of_a_surrogate_pair_is_written_as_its_escape(tmp_path):
