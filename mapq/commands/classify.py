@@ -199,6 +199,7 @@ def _classify_tiles(
     from mapq.io import is_patches
     from mapq.io.result_folder import RESULT_JSON
     from mapq.io.results import json_beside
+    from mapq.posed.files import pose_names
     from mapq.tiled.output import CLOUD_SUFFIXES
     from mapq.tiled.run import TileSettings, classify_map
     from mapq.tiled.source import is_tiled
@@ -210,6 +211,9 @@ def _classify_tiles(
     inputs = [name for name in (file, model) if name and os.path.isfile(name)]
     is_folder = is_tiled(file) and not target.lower().endswith(CLOUD_SUFFIXES)
     refuse_inputs([os.path.join(target, RESULT_JSON)] if is_folder else [target, json_beside(target)], inputs)
+    posed = pose_names(file) if is_folder else []
+    if posed:
+        logger.warning("%s: taken for tiles of one map. If these are scans: --poses %s", file, posed[0])
     settings = TileSettings(**how, segment=chosen.settings.segment.settings(), options=options)
     used = load_model(model, chosen.settings.crf.max_false_alarms)
     origin = Origin(file, model or "default", tuple(inputs))

@@ -93,11 +93,16 @@ def number_of(path: str) -> int | None:
     return int(numbers[-1]) if numbers else None
 
 
+def pose_names(folder: str | os.PathLike[str]) -> list[str]:
+    """Return the files of poses in a folder."""
+    return [str(path) for path in sorted(Path(folder).glob("*")) if path.is_file() and POSE_NAME.search(path.name)]
+
+
 def pose_file(files: Sequence[str]) -> str | None:
     """Return the only file of poses beside the scans, or in the folder above theirs; None if there is none."""
     folder = Path(files[0]).parent
     for place in (folder, folder.parent):
-        found = [str(path) for path in sorted(place.glob("*")) if path.is_file() and POSE_NAME.search(path.name)]
+        found = pose_names(place)
         if len(found) == 1:
             return found[0]
         if found:

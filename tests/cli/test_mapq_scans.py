@@ -114,6 +114,18 @@ def test_segment_takes_scans_too(tmp_path, capsys, monkeypatch) -> None:
     assert "scan  int32  0 to 1" in out
 
 
+def test_las_beside_poses_is_scans_where_poses_are_named_else_tiles(tmp_path, capsys, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "las").mkdir()
+    for scan, points in enumerate(SCANS[:2]):
+        write_cloud(f"las/{scan}.las", PointCloud.from_world(points))
+    (tmp_path / "las" / "poses.txt").write_text(rows(POSES[:2, :3].reshape(2, 12)))
+    words = "taken for tiles of one map. If these are scans: --poses las/poses.txt"
+    for more, warned in (([], True), (["--poses", "las/poses.txt"], False)):
+        code, _, err = call(capsys, "classify", "las", *more)
+        assert (code, words in err) == (0, warned), err
+
+
 def test_too_many_points_are_thinned_as_one_voxel_would(tmp_path, capsys, monkeypatch) -> None:
     write_scans(tmp_path, "kitti")
     scans = find_scans([str(tmp_path)])

@@ -59,6 +59,7 @@ CASES = (
     (f"{SIMULATE} --no-laser", 2, "no sensor"),
     (f"{CLASSIFY} -o -", 2, "two files"),
     (f"{CLASSIFY} -o out.json", 2, "two files"),
+    (f"{CLASSIFY} -o out/", 2, "two files"),
     (f"{CLASSIFY} -o out.ply --max-tilt 10", 2, "segmented already"),
     (f"{CLASSIFY} -o out.ply --unit ft", 2, "holds its unit"),
     (f"{CLASSIFY} -o out.ply --topic t", 2, "leave the topic out"),
