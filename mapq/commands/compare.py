@@ -125,10 +125,11 @@ def _verdict(found: Comparison) -> str:
     """Return which map is better, and by what."""
     low, value, high = found.difference.tolist()
     verdicts = {"first": "A is better", "second": "B is better", "same": "neither is better"}
+    word, low, value, high = ("more", low, value, high) if value >= 0.0 else ("less", -high, -value, -low)
     if found.by == "disagreement":
-        how = f"scans of B disagree by {value:+.3f} m ({low:+.3f} to {high:+.3f}) more than those of A"
+        how = f"scans of B disagree by {value:.3f} m ({low:.3f} to {high:.3f}) {word} than those of A"
     else:
-        how = f"{value:+.1%} of the area of B is expected to be wrong, over A"
+        how = f"{value:.1%} {word} of the area of B than of A is expected to be wrong"
     return f"{verdicts[found.better]}: {how}"
 
 
