@@ -51,7 +51,7 @@ def json_beside(path: str) -> str:
     if path == os.devnull:  # for those who want the exit code alone
         return path
     beside = str(Path(path).with_suffix(".json")) if path != STREAM else STREAM
-    if beside in (path, STREAM) or path.endswith(os.sep):
+    if beside in (path, STREAM):
         raise UsageError("a result is two files, a PLY and a JSON of the same name. Name the PLY with -o RESULT.ply.")
     return beside
 

@@ -82,8 +82,7 @@ def find_scans(inputs: Sequence[str], settings: FindSettings | None = None) -> P
         If a pattern is given for files.
     """
     settings = settings or FindSettings()
-    is_folder = len(inputs) == 1 and Path(inputs[0]).is_dir()
-    files = _files(inputs, settings.pattern, is_folder)
+    files = _files(inputs, settings.pattern)
     kinds = {suffix_of(path) for path in files}
     if E57_SUFFIX in kinds:
         if settings.calibration not in (None, NO_CALIBRATION):
@@ -97,7 +96,7 @@ def find_scans(inputs: Sequence[str], settings: FindSettings | None = None) -> P
         poses, frame = _own_poses(files, kinds)
         return _listed(files, poses, None, replace(settings, frame=settings.frame or frame))
     table = with_poses_at(read_trajectory(path, settings.quaternion, QUATERNION_KEY), files)
-    rows = match_poses(files, table, path, is_folder)
+    rows = match_poses(files, table, path)
     times = table.times if table.times is not None else _times_beside(path, files[0], len(table.poses))
     poses, lost = _sensor_poses(table, path, files, settings), [Path(files[k]).name for k in np.flatnonzero(rows < 0)]
     if lost:
@@ -107,9 +106,9 @@ def find_scans(inputs: Sequence[str], settings: FindSettings | None = None) -> P
     return _listed(files, poses[rows], times_of(files) if times is None else times[rows], settings, path)
 
 
-def _files(inputs: Sequence[str], pattern: str | None, is_folder: bool) -> list[str]:
+def _files(inputs: Sequence[str], pattern: str | None) -> list[str]:
     """Return the files of the scans, in natural order."""
-    if is_folder:
+    if len(inputs) == 1 and Path(inputs[0]).is_dir():
         return scan_files(inputs[0], pattern)
     if pattern is not None:
         raise UsageError("--scans chooses among the files of a folder, but files are given. Leave it out.")
@@ -179,6 +178,8 @@ def _sensor_poses(
     if found is not None and (ahead is not False or (given is not None and not is_reference)):
         taken = laser_poses(poses, read_calibration(found))
         logger.info("%s: taken from the camera to the laser with %s", path, found)
+        if ahead is False:
+            logger.warning("%s: does not move along its z axis as a camera does. Is %s meant for it?", path, found)
         return taken
     if ahead:
         words = "the sensor moves along its z axis: poses of a camera, by which floors would stand on edge. Give the "

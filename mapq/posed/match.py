@@ -48,13 +48,12 @@ def with_poses_at(table: Trajectory, names: Sequence[str]) -> Trajectory:
     )
 
 
-def match_poses(names: Sequence[str], table: Trajectory, path: str, is_folder: bool = False) -> NDArray[np.int64]:
+def match_poses(names: Sequence[str], table: Trajectory, path: str) -> NDArray[np.int64]:
     """Return the row (k,) of the table that is the pose of each scan, -1 where there is none of its time or name.
 
     Scans whose names are times are matched by time, where the table has times; else by the names of the table; else one
     row a scan by order; else the last number in a scan's name picks the row of that number or, without names, of that
-    place, from 0: as the poses of a whole KITTI sequence and some of its scans. `is_folder`: whether --scans can choose
-    among the scans.
+    place, from 0: as the poses of a whole KITTI sequence and some of its scans.
     """
     found = _by_time(names, table)
     found = found if found is not None else _by_name(names, table)
@@ -68,10 +67,9 @@ def match_poses(names: Sequence[str], table: Trajectory, path: str, is_folder: b
     some = [row for row in rows if row >= 0]
     is_known = bool(some) if table.names is not None else len(some) == len(rows)
     if not is_known or len(set(some)) < len(some) or times_of(names) is not None:
-        advice = "Choose scans with --scans, or other poses." if is_folder else "Give other scans, or other poses."
         raise InputError(
             f"{path}: {len(table.poses)} poses for {len(names)} scans, and neither times nor numbers in the names of "
-            f"the scans identify theirs. {advice}"
+            "the scans identify theirs. Give other poses, or other scans (in a folder: --scans)."
         )
     if table.times is not None:
         _refuse_other_numbers(names, rows, table.times, path)

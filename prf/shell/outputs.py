@@ -158,6 +158,8 @@ def refuse_inputs(outputs: Iterable[str], inputs: Iterable[str | None]) -> None:
 def refuse_other_format(path: str | os.PathLike[str], own: Collection[str]) -> None:
     """Raise UsageError for a name that promises another format than its `own`: other programs believe it."""
     name = os.fspath(path).lower()
+    if name.endswith(os.sep):
+        raise UsageError(f"{path}: this is the name of a folder. Name a file.")
     if name.endswith(FORMATS) and not name.endswith(tuple(own)):
         raise UsageError(f"{path}: this format is not written. Name a {' or '.join(own)}.")
 

@@ -126,7 +126,7 @@ def test_scans_are_read_in_the_unit_that_is_given(unit, tmp_path):
         (["map.ply"], poses_text(1), "no scans in it"),
         (["a0.ply", "a1.ply", "b0.ply"], poses_text(2), r"several sets of scans: scans/a\*.ply \(2\), scans/b\*.ply"),
         (["0.ply", "1.ply"], None, "no file of poses beside the scans. Name it with --poses"),
-        (["4.ply", "9.ply"], poses_text(6), "6 poses for 2 scans"),
+        (["4.ply", "9.ply"], poses_text(6), "6 poses for 2 scans.* --scans"),
         (["a1.ply", "a2.ply", "a3.ply"], poses_text(2), "2 poses for 3 scans"),
     ],
 )
@@ -148,12 +148,8 @@ def test_a_pattern_chooses(tmp_path):
     assert len(find_scans([str(tmp_path)], FindSettings(pattern="scans/a*"))) == 2
     with pytest.raises(InputError, match=r"no file in it is called c\*"):
         find_scans([str(tmp_path)], FindSettings(pattern="c*"))
-
-
-def test_a_pattern_is_for_a_folder(tmp_path):
-    folder = make_folder(tmp_path, ["0.ply", "1.ply"], poses_text(2))
     with pytest.raises(UsageError, match="--scans chooses among the files of a folder"):
-        find_scans([str(folder / "0.ply"), str(folder / "1.ply")], FindSettings(pattern="*.ply"))
+        find_scans([str(tmp_path / "scans" / "a0.ply"), str(tmp_path / "scans" / "a1.ply")], FindSettings(pattern="*"))
 
 
 def test_other_poses_for_the_same_scans(tmp_path):
@@ -213,7 +209,7 @@ def test_poses_of_a_camera_for_scans_of_another_format_are_reported(tmp_path, ca
     np.testing.assert_allclose(taken.poses, laser, atol=1e-12)
 
 
-def test_poses_of_the_laser_are_known_from_those_of_the_camera(tmp_path):
+def test_poses_of_the_laser_are_known_from_those_of_the_camera(tmp_path, caplog):
     laser = kitti_folder(tmp_path, calibrated=True)
     slam = tmp_path / "slam.txt"
     slam.write_text(rows(laser[:, :3].reshape(3, 12)))
@@ -223,6 +219,9 @@ def test_poses_of_the_laser_are_known_from_those_of_the_camera(tmp_path):
     np.testing.assert_allclose(replace_poses(scans, str(slam), calibration).poses, laser, atol=1e-12)
     again = replace_poses(scans, str(tmp_path / "poses.txt"), calibration)
     np.testing.assert_allclose(again.poses, laser, atol=1e-12)
+    assert "Is" not in caplog.text
+    find_scans([str(tmp_path)], replace(calibration, poses=str(slam)))
+    assert "slam.txt: does not move along its z axis as a camera does. Is" in caplog.text
     # Beside calib.txt too, without a word of it.
     np.testing.assert_allclose(find_scans([str(tmp_path)], FindSettings(poses=str(slam))).poses, laser, atol=1e-12)
 
@@ -304,11 +303,3 @@ def test_names():
     assert number_of("/a1/scan007.3d.gz") == 7
     assert number_of("map.ply") is None
     assert family(Path("a/1305031102.1753.pcd.gz")) == "a/*.pcd"
-
-
-def test_a_pattern_is_advised_for_a_folder_alone(tmp_path):
-    folder = make_folder(tmp_path, ["4.ply", "9.ply"], poses_text(6))
-    for inputs, advised in (([folder], True), ([folder / "4.ply", folder / "9.ply"], False)):
-        with pytest.raises(InputError, match="6 poses for 2 scans") as error:
-            find_scans([str(path) for path in inputs])
-        assert ("--scans" in str(error.value)) == advised
