@@ -83,45 +83,22 @@ Prf.Draws = class {
     let near = 0;
     return this.blackAt(path[0]).map((black, draw) => +((near += blocked[draw]) === 0 && !black));
   }
-  // The black area of a draw as a path in steps, for the even-odd rule: its lines, those that end on the border closed
-  // along it past all but the lower left corner, and the whole window if that corner is black.
+  // The black area of a draw as a path in steps, for the even-odd rule: what is above each edge and right of each vertex
+  // on the lower side changes colour, and so does the whole window if its corner is black.
   area(draw) {
     const { x, y, a, b } = this,
-      path = new Path2D(),
-      at = new Map(),
-      used = new Set();
-    for (let e = 0; e < a.length; e++)
-      if (this.first[e] <= draw && draw < this.last[e])
-        for (const v of [a[e], b[e]]) at.has(v) ? at.get(v).push(e) : at.set(v, [e]);
-    const walk = (start) => {
-      const line = [start];
-      for (let v = start, e; (e = at.get(v).find((edge) => !used.has(edge))) !== undefined; line.push(v)) {
-        used.add(e);
-        v = a[e] === v ? b[e] : a[e];
-      }
-      if (line.length < 2) return;
-      line.forEach((v, i) => path[i ? "lineTo" : "moveTo"](x[v], y[v]));
-      if (start !== line.at(-1)) for (const corner of this.corners(line.at(-1), start)) path.lineTo(...corner);
+      [wide, high] = this.size,
+      path = new Path2D();
+    if (this.cornerBlack[draw]) path.rect(0, 0, wide, high);
+    for (let e = 0; e < a.length; e++) {
+      if (this.first[e] > draw || draw >= this.last[e]) continue;
+      for (const v of [a[e], b[e]]) if (y[v] === 0) path.rect(x[v], 0, wide - x[v], high);
+      path.moveTo(x[a[e]], high);
+      for (const v of [a[e], b[e]]) path.lineTo(x[v], y[v]);
+      path.lineTo(x[b[e]], high);
       path.closePath();
-    };
-    for (const [v, edges] of at) if (edges.length % 2) walk(v);
-    for (const v of at.keys()) walk(v);
-    if (this.cornerBlack[draw]) path.rect(0, 0, ...this.size);
+    }
     return path;
-  }
-  // Corners of the window on the way along the border between two vertices on it, never the lower left one.
-  corners(from, to) {
-    const [wide, high] = this.size,
-      along = (v) => {
-        if (this.y[v] === 0) return this.x[v];
-        if (this.x[v] === wide) return wide + this.y[v];
-        return this.y[v] === high ? 2 * wide + high - this.x[v] : 2 * (wide + high) - this.y[v];
-      };
-    const [s, t] = [along(from), along(to)],
-      passed = [[wide, [wide, 0]], [wide + high, [wide, high]], [2 * wide + high, [0, high]]].filter(
-        ([at]) => at > Math.min(s, t) && at < Math.max(s, t),
-      );
-    return (s < t ? passed : passed.reverse()).map(([, corner]) => corner);
   }
 };
 
