@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar, Literal, Self
 
 from prf.arak import checked_scale
-from prf.logs import CONE, Match, Poses, read_poses
+from prf.logs import CONE, Poses, read_poses
 from prf.logs.posed import GAP
 from prf.sensors.laser import LaserModel
 from prf.sensors.points import PointModel
@@ -136,7 +136,6 @@ class Readings(Table):
     )
     pose_gap: float = key(GAP, "s", "longest time between two poses of the file that is interpolated over", ge=0.0)
     pose_offset: float = key(0.0, "s", "added to the times of the file of poses")
-    pose_match: Match | None = key(None, "", "time or order: how poses of the file belong to scans; by time if it can")
     pose_quaternion: Order | None = key(None, "", "xyzw or wxyz: order of quaternions in the file of poses")
     every_scan: int = key(1, "", "scans 0, K, 2K ...", ge=1)
     every_beam: int = key(1, "", "beams 0, K, 2K ...", ge=1)
@@ -151,7 +150,7 @@ class Readings(Table):
         """Return the poses of the file with how they belong to scans; None if there is none."""
         if self.poses is None:
             return None
-        how = {name: getattr(self, f"pose_{name}") for name in ("mount", "gap", "offset", "match")}
+        how = {name: getattr(self, f"pose_{name}") for name in ("mount", "gap", "offset")}
         return read_poses(self.poses, self.pose_quaternion, **how)
 
 

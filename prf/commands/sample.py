@@ -158,13 +158,10 @@ def _report(run: Run, folder: Path, json: bool, asked_steps: int | None) -> None
         "seed": run.manifest["seed"],
         "n_beams": 0 if run.laser is None else len(run.laser.range),
         "n_beams_thinned": int(run.manifest.get("n_beams_thinned", 0)),
-        "converged": run.diagnostics["converged"],
-        "converged_seen": run.diagnostics["converged_seen"],
-        "reason": run.diagnostics["reason"],
-        "agreement": run.diagnostics["agreement"],
-        "suggested_seconds": run.diagnostics["suggested_seconds"],
         "log_posterior": run.best_log_posterior,
     }
+    judged = ("converged", "converged_seen", "reason", "agreement", "suggested_seconds")
+    result |= {name: run.diagnostics[name] for name in judged}
     if json:
         jsonout.emit_object("prf.sample/1", result)
         return

@@ -5,7 +5,7 @@ from __future__ import annotations
 from prf.logs.describe import LogSummary, describe
 from prf.logs.open import read_logs, read_readings
 from prf.logs.points import PointSummary, PointTable, describe_points, read_point_data
-from prf.logs.posed import Match, Poses, read_poses
+from prf.logs.posed import Poses, read_poses
 from prf.logs.poses import CONE
 from prf.logs.readings import Kind, LogNotes, NoReadings, Readings, ScanTable
 from prf.logs.suspicions import warn_of_spoiling
@@ -17,7 +17,6 @@ __all__ = [
     "Kind",
     "LogNotes",
     "LogSummary",
-    "Match",
     "NoReadings",
     "PointSummary",
     "PointTable",

@@ -246,11 +246,8 @@ def _unfixed(tree: Tree, bag: Bag, fixed: str, sensor: str) -> str:
     """Return why the sensor has no pose, and what could be chosen."""
     roots, topics = tree.roots_above(sensor), bag.of_type(*POSES)
     has = f"tf leads from {sensor!r} up to {', '.join(map(repr, roots))}" if roots else f"tf has no {sensor!r}"
-    best = _best_frame(tree, bag, sensor)[0]
     with_poses = f", topics of poses are {', '.join(topics)}" if topics else ""
-    advice = "Record /tf and /tf_static too, or give a trajectory with --poses."
-    if best in (*roots, *topics):
-        advice = f"Leave --frame out, or choose {best}." if best != fixed else advice
+    advice = "Record /tf and /tf_static too, give a trajectory with --poses, or leave --frame out if it was given."
     return f"{bag.source}: no way from the fixed frame {fixed!r} to the sensor: {has}{with_poses}. {advice}"
 
 

@@ -11,7 +11,6 @@ or if the two clocks share no second, pose i is that of scan i, and there must b
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
@@ -22,8 +21,6 @@ from prf.logs.text import FloatArray, check_domains
 from prf.shell.errors import ConfigError, InputError
 from prf.shell.files import STREAM
 from prf.shell.trajectory import Order, Trajectory, in_seconds, read_trajectory, rigid
-
-Match = Literal["time", "order"]
 
 GAP = 2.0  # seconds between poses, up to which a robot is taken to go straight from one to the next
 SAME_TIME = 0.01  # seconds: a scan so near to a pose has it, since files round their times
@@ -38,8 +35,7 @@ class Poses:
     """Poses for the scans of a log, and how they belong to them.
 
     `mount`: x, y and theta of the sensor (of a ring of sonars: of the robot) in the frame of the poses; None: as the
-    log has it. `gap`: seconds, `GAP`. `offset`: seconds added to the times of the poses. `match`: by time or by order;
-    None: by time if that goes.
+    log has it. `gap`: seconds, `GAP`. `offset`: seconds added to the times of the poses.
     """
 
     trajectory: Trajectory
@@ -47,7 +43,6 @@ class Poses:
     mount: tuple[float, float, float] | None = None
     gap: float = GAP
     offset: float = 0.0
-    match: Match | None = None
 
     @property
     def times(self) -> FloatArray | None:
@@ -125,24 +120,21 @@ def _moved(motion: FloatArray, xy: FloatArray, angle: FloatArray) -> tuple[Float
 
 def _matched(scans: ScanTable, poses: Poses, source: str) -> tuple[FloatArray, str, list[str]]:
     """Return the poses (n, 4, 4) of the scans, nan where unknown; how they were found; warnings."""
-    why_not, known, names = "", poses.trajectory.poses, poses.trajectory.names
-    if poses.match != "order":
-        why_not = _why_not_by_time(scans, poses, source)
-        if not why_not:
-            found, warnings = _by_time(scans, poses)
-            if np.isfinite(found[:, 0, 0]).sum() >= min(len(found), max(FEW * len(found), 2)):
-                return found, "matched by time", warnings
-            why_not = _why_apart(scans, poses, source)
-        if poses.match == "time":
-            raise InputError(f"{why_not}.")
+    known, names = poses.trajectory.poses, poses.trajectory.names
+    why_not = _why_not_by_time(scans, poses, source)
+    if not why_not:
+        found, warnings = _by_time(scans, poses)
+        if np.isfinite(found[:, 0, 0]).sum() >= min(len(found), max(FEW * len(found), 2)):
+            return found, "matched by time", warnings
+        why_not = _why_apart(scans, poses, source)
     if len(known) != len(scans.number):
-        by_time = f"{why_not}; by order neither: " if why_not else ""
         counts = f"{source} has {len(scans.number)} scans, {poses.source} {len(known)} poses"
-        raise InputError(f"{by_time}{counts}. Give one pose a scan, or times in both (TUM, CSV t,x,y,theta).")
+        advice = "Give one pose a scan, or times in both (TUM, CSV t,x,y,theta)."
+        raise InputError(f"{why_not}; by order neither: {counts}. {advice}")
     if names is not None and all(name[1:].isdigit() for name in names):  # of g2o
         known = known[np.argsort([int(name[1:]) for name in names], kind="stable")]
-    is_doubtful = why_not and poses.times is not None
-    return known, "matched by order", [f"{why_not}; as many poses as scans: matched by order"] if is_doubtful else []
+    warnings = [] if poses.times is None else [f"{why_not}; as many poses as scans: matched by order"]
+    return known, "matched by order", warnings
 
 
 def _why_not_by_time(scans: ScanTable, poses: Poses, source: str) -> str:

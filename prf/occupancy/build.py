@@ -32,7 +32,7 @@ USED = ("prior.window", "laser.max_range", "sonar.max_range", "sonar.cone", "rea
 SETTINGS = (
     *("method", "resolution", "window", "max_range", "no_return", "hit_probability", "miss_probability", "clamp"),
     *("sonar_max_range", "sonar_cone", "sonar_thickness", "topic", "sonar_topic", "frame"),
-    *("poses", "pose_mount", "pose_gap", "pose_offset", "pose_match", "pose_quaternion"),
+    *("poses", "pose_mount", "pose_gap", "pose_offset", "pose_quaternion"),
     *("every_scan", "every_beam", "scans", "skip_scans"),
 )
 """Names of the settings in a GRID file."""

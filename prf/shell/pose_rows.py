@@ -44,9 +44,6 @@ NAMES = {
     **{"theta": r"(pose[._])?(theta|th|yaw|heading|orientation)", "roll": "roll", "pitch": "pitch"},
 }
 """What columns are called: by hand, and by evo, rostopic, PlotJuggler and EuRoC."""
-JSON_LISTS, JSON_POSES = ("frames", "nodes", "poses"), ("transform_matrix", "pose", "matrix", "T")
-JSON_NAMES = ("file_path", "name", "file")
-"""Keys of transforms.json (nerfstudio), of Open3D's pose graphs, and others of that kind."""
 UNITS = {"ns": 1e-9, "us": 1e-6, "ms": 1e-3, "deg": math.radians(1.0), "degrees": math.radians(1.0)}
 """Units other than seconds and radians behind a name: ``yaw_deg``, ``timestamp [ns]``."""
 
@@ -89,26 +86,21 @@ def read_pose_rows(path: str, layouts: str) -> PoseRows:
 
 
 def _of_json(text: str, source: str, layouts: str) -> PoseRows:
-    """Return the poses of a JSON: a list or an object of matrices or quaternion rows, with names where it has them."""
+    """Return the poses of a JSON: a list or an object of matrices or quaternion rows, or transforms.json."""
     names, rows = [], []
     try:
         content = json.loads(text)
-        if isinstance(content, dict):
-            content = next((content[key] for key in JSON_LISTS if key in content), content)
+        content = content.get("frames", content) if isinstance(content, dict) else content
         for key, item in content.items() if isinstance(content, dict) else enumerate(content):
-            name = str(key)
             if isinstance(item, dict):
-                name = str(next((item[each] for each in JSON_NAMES if each in item), name))
-                item = next(item[each] for each in JSON_POSES if each in item)
-            names.append(name)
+                key, item = item["file_path"], item["transform_matrix"]
+            names.append(str(key))
             rows.append(np.array(item, np.float64).ravel())
         values = np.array(rows).reshape(len(rows), -1)
         if not (np.isfinite(values).all() and values.shape[1] in (7, 12, 16)):
             raise ValueError
-    except (ValueError, TypeError, AttributeError, StopIteration):
+    except (ValueError, TypeError, KeyError):
         raise InputError(f"{source}: not a JSON of poses, one matrix of 3x4 or 4x4 numbers each. {layouts}") from None
-    if values.shape[1] == 16 and not values[:, [3, 7, 11]].any() and values[:, 12:15].any():
-        values = values.reshape(-1, 4, 4).transpose(0, 2, 1).reshape(-1, 16)  # Open3D writes columns
     where = [f"{source}: pose {name}" for name in names]
     is_numbered = names == [str(number) for number in range(len(names))]
     return PoseRows(where, values, None if is_numbered else tuple(names))

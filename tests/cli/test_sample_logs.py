@@ -1,4 +1,4 @@
-"""One command makes a useful picture of each kind of log that people have."""
+"""One command makes a useful picture, also of a log whose poses are odometry or in a file."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import pytest
 from prf.run import read_run
 from tests.cli.calls import call
 from tests.logs.bags import LEVEL, START, Maker, Note, yaw
-from tests.logs.samples import flaser, player, position
+from tests.logs.samples import flaser
 
 WIDTH, DEPTH = 6.0, 4.0
 """Of a room with its corner in the origin."""
@@ -43,35 +43,16 @@ def carmen(folder: Path, is_right: bool = True) -> str:
     return "a.log"
 
 
-def player_log(folder: Path) -> str:
-    lines = []
+def odometry_bag(folder: Path) -> str:
+    make = Maker("ros1")
+    step = {"angle_min": BEARINGS[0], "angle_increment": BEARINGS[1] - BEARINGS[0], "range_max": 20.0}
+    notes = [Note("/tf_static", START, make.tf(START, "base_link", "laser", (0.0, 0.0, 0.3), LEVEL))]
     for k, pose in enumerate(WAY):
-        pairs = [field for distance in ranges(pose) for field in (distance, 0)]
-        shot = (k, BEARINGS[0], BEARINGS[-1], BEARINGS[1] - BEARINGS[0], 20.0, N_BEAMS, *pairs)
-        lines += [position(*pose, time=float(k)), player("laser", shot, float(k))]
-    (folder / "a.log").write_text("".join(lines))
-    return "a.log"
-
-
-def table(folder: Path) -> str:
-    rows = [f"{p[0]},{p[1]},{p[2] + a},{r}\n" for p in WAY for a, r in zip(BEARINGS, ranges(p), strict=True)]
-    (folder / "a.csv").write_text("x,y,theta,range\n" + "".join(rows))
-    return "a.csv"
-
-
-def bag(kind: str, top: str) -> Callable[[Path], str]:
-    def write(folder: Path) -> str:
-        make = Maker(kind)
-        step = {"angle_min": BEARINGS[0], "angle_increment": BEARINGS[1] - BEARINGS[0], "range_max": 20.0}
-        notes = [Note("/tf_static", START, make.tf(START, "base_link", "laser", (0.0, 0.0, 0.3), LEVEL))]
-        for k, pose in enumerate(WAY):
-            now = START + k
-            notes.append(Note("/tf", now, make.tf(now, top, "base_link", (*pose[:2], 0.0), yaw(pose[2]))))
-            notes.append(Note("/scan", now, make.scan(now, ranges(pose), **step)))
-        make.write(folder / "a.bag", notes)
-        return "a.bag"
-
-    return write
+        now = START + k
+        notes.append(Note("/tf", now, make.tf(now, "odom", "base_link", (*pose[:2], 0.0), yaw(pose[2]))))
+        notes.append(Note("/scan", now, make.scan(now, ranges(pose), **step)))
+    make.write(folder / "a.bag", notes)
+    return "a.bag"
 
 
 def with_poses(layout: str) -> Callable[[Path], str]:
@@ -88,12 +69,7 @@ def with_poses(layout: str) -> Callable[[Path], str]:
 
 LOGS: dict[str, tuple[Callable[[Path], str], str]] = {
     "CARMEN": (carmen, ""),
-    "Player": (player_log, ""),
-    "ROS 1": (bag("ros1", "map"), ""),
-    "ROS 1 without map": (bag("ros1", "odom"), "poses are those of 'odom', odometry, which drifts"),
-    "mcap": (bag("mcap", "map"), ""),
-    "sqlite": (bag("sqlite3", "map"), ""),
-    "CSV": (table, ""),
+    "ROS 1 without map": (odometry_bag, "poses are those of 'odom', odometry, which drifts"),
     "TUM": (with_poses("tum"), "way.txt (TUM, 6 poses) matched by time"),
     "g2o": (with_poses("g2o"), "way.txt (g2o, 6 poses) matched by order"),
 }

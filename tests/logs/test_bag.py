@@ -153,7 +153,7 @@ class TestFrames:
             unasked.origin, read_readings(path, frame="odom" if topic == "/wheels" else topic).origin
         )
         message = refusal(path, frame="map")
-        for words in ("'map'", "'odom'", topic, "Leave --frame out"):
+        for words in ("'map'", "'odom'", topic, "leave --frame out"):
             assert words in message
         np.testing.assert_allclose(read_readings(path, frame="odom").origin[0], [1.2, 0], atol=1e-12)
         np.testing.assert_allclose(read_readings(path, frame="/odom").origin[0], [1.2, 0], atol=1e-12)

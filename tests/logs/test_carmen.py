@@ -49,14 +49,11 @@ class TestLines:
 
 
 class TestPoses:
-    def test_the_laser_pose_counts_not_the_robots(self):
-        readings = read(flaser([1, 1], pose=(3, 4, 0.5), robot=(9, 9, 9)))
+    @pytest.mark.parametrize("before", ["", "PARAM robot_frontlaser_offset -0.04 nohost 0\n"])
+    def test_the_laser_pose_counts_not_the_robots_and_no_offset_is_added_again(self, before):
+        readings = read(before + flaser([1, 1], pose=(3, 4, 0.5), robot=(9, 9, 9)))
         np.testing.assert_array_equal(readings.origin, [[3, 4], [3, 4]])
         np.testing.assert_allclose(readings.angle, [0.5 - np.pi / 2, 0.5 + np.pi / 2])
-
-    def test_no_offset_is_added_again(self):
-        with_offset = read("PARAM robot_frontlaser_offset -0.04 nohost 0\n" + flaser([1, 1]))
-        np.testing.assert_array_equal(with_offset.origin, read(flaser([1, 1])).origin)
 
     def test_the_rear_lasers_heading_already_looks_backwards(self):
         # CARMEN: laser_theta = odom_theta + pi, position = robot + offset along that heading.
@@ -82,6 +79,7 @@ class TestPoses:
 class TestAngles:
     @pytest.mark.parametrize(("n", "step"), [(180, 1.0), (181, 1.0), (360, 0.5), (361, 0.5)])
     def test_half_circle_in_degrees(self, n, step):
+        assert read(flaser([1] * n)).notes.remarks == ()
         degrees = np.degrees(half_circle(n))
         np.testing.assert_allclose(degrees, -90 + step * np.arange(n), atol=1e-9)
         assert degrees[-1] == pytest.approx(90 - step * (n % 2 == 0))
@@ -98,9 +96,6 @@ class TestAngles:
         assert readings.notes.remarks == (
             f"laser lines of {n} beams carry no angles: 100 degrees in steps of 0.25 are assumed",
         )
-
-    def test_known_counts_need_no_remark(self):
-        assert read("".join(flaser([1] * n) for n in (180, 181, 360, 361))).notes.remarks == ()
 
     def test_one_beam_looks_to_the_right(self):
         assert read(flaser([1])).angle[0] == pytest.approx(-np.pi / 2)

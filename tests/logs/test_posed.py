@@ -92,8 +92,6 @@ def test_scans_without_times_are_matched_by_order(tmp_path):
         InputError, match=r"the scans of .* have no times; by order neither: .* has 2 scans, .*way.csv 4 poses"
     ):
         scans_of(save(tmp_path, dp_slam), csv(tmp_path))
-    with pytest.raises(InputError, match=r"the scans of .* have no times\.$"):
-        scans_of(save(tmp_path, dp_slam), csv(tmp_path), match="time")
 
 
 def test_a_table_on_the_robot(tmp_path):

@@ -50,7 +50,6 @@ def test_every_layout(layout, tmp_path):
     assert (table.layout == "KITTI") == (layout == "kitti")
 
 
-PLANAR = POSES[:, :2, 3].round(6).tolist()
 TABLES = {
     "by hand": "t,x,y,theta\n{0},{x0},{y0},{a0}\n{1},{x1},{y1},{a1}\n",
     "no header": "{0} {x0} {y0} {a0}\n{1} {x1} {y1} {a1}\n",
@@ -66,10 +65,8 @@ TABLES = {
 
 @pytest.mark.parametrize("layout", TABLES)
 def test_poses_in_the_plane_and_tables_by_their_header(layout, tmp_path):
-    numbers = {f"{name}{k}": repr(value) for k in (0, 1) for name, value in zip("xy", PLANAR[k], strict=True)}
-    numbers |= {f"a{k}": repr(2.0 * HALF[k].item()) for k in (0, 1)}
-    numbers |= {f"s{k}": repr(np.sin(HALF[k]).item()) for k in (0, 1)}
-    numbers |= {f"c{k}": repr(np.cos(HALF[k]).item()) for k in (0, 1)}
+    values = np.column_stack([PLACES[:, :2].round(6), 2.0 * HALF, np.sin(HALF), np.cos(HALF)]).tolist()
+    numbers = {f"{name}{k}": repr(values[k][column]) for k in (0, 1) for column, name in enumerate("xyasc")}
     table = read_trajectory(written(tmp_path, TABLES[layout].format(1700000000, 1700000001, **numbers)))
     flat = POSES.copy()
     flat[:, 2, 3] = 0.0
