@@ -51,19 +51,21 @@ def with_poses_at(table: Trajectory, names: Sequence[str]) -> Trajectory:
 def match_poses(names: Sequence[str], table: Trajectory, path: str) -> NDArray[np.int64]:
     """Return the row (k,) of the table that is the pose of each scan, -1 where there is none of its time or name.
 
-    Scans whose names are times are matched by time, where the table has times; else by the names of the table; else one
-    row a scan by order; else the last number in a scan's name picks the row of that number or, without names, of that
-    place, from 0: as the poses of a whole KITTI sequence and some of its scans.
+    Scans whose names are times are matched by time, where the table has times; else by the names of the table, or the
+    last numbers in these if they are those of the scans; else one row a scan by order; else the last number in a scan's
+    name picks the row of that number or, without names, of that place, from 0: as the poses of a whole KITTI sequence
+    and some of its scans.
     """
     found = _by_time(names, table)
     found = found if found is not None else _by_name(names, table)
     if found is not None:
         return found
-    if len(table.poses) == len(names):
-        return np.arange(len(names))
     keys = range(len(table.poses)) if table.names is None else (number_of(f"{name}.x") for name in table.names)
     known = {number: row for row, number in enumerate(keys)}
     rows = [known.get(number_of(name), -1) for name in names]
+    if len(table.poses) == len(names):
+        is_numbered = table.names is not None and sorted(rows) == list(range(len(rows)))
+        return np.array(rows, np.int64) if is_numbered else np.arange(len(names))
     some = [row for row in rows if row >= 0]
     is_known = bool(some) if table.names is not None else len(some) == len(rows)
     if not is_known or len(set(some)) < len(some) or times_of(names) is not None:

@@ -103,6 +103,10 @@ def test_names_in_graph_txt_are_matched_by_their_numbers(tmp_path):
     text = "".join(f"v{number} {number} 0 0 0 0 0 1\n" for number in range(0, 20, 1))
     (folder / "graph.txt").write_text(text)
     assert find_scans([str(tmp_path)]).poses[:, 0, 3].tolist() == [4.0, 9.0]
+    (folder / "graph.txt").write_text("v9 9 0 0 0 0 0 1\nv4 4 0 0 0 0 0 1\n")
+    assert find_scans([str(tmp_path)]).poses[:, 0, 3].tolist() == [4.0, 9.0], "not by order"
+    (folder / "graph.txt").write_text("v1 4 0 0 0 0 0 1\nv0 9 0 0 0 0 0 1\n")
+    assert find_scans([str(tmp_path)]).poses[:, 0, 3].tolist() == [4.0, 9.0], "other numbers: by order"
 
 
 def test_a_first_column_that_may_number_the_scans_is_refused(tmp_path):
