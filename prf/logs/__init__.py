@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from prf.logs.describe import LogSummary, describe
-from prf.logs.open import read_logs, read_readings
+from prf.logs.open import log_stem, read_logs, read_readings
 from prf.logs.points import PointSummary, PointTable, describe_points, read_point_data
 from prf.logs.posed import Poses, read_poses
 from prf.logs.poses import CONE
@@ -25,6 +25,7 @@ __all__ = [
     "ScanTable",
     "describe",
     "describe_points",
+    "log_stem",
     "read_logs",
     "read_point_data",
     "read_poses",

@@ -50,9 +50,20 @@ MAGICS = (
     (b"{", "a JSON document"),
 )
 
+SUFFIXES = (".bag", ".mcap", ".db3", ".csv", ".txt", ".log", ".clf", ".gz")
+"""Ends of the names of logs; several may follow one another."""
+
 _PLAYER = re.compile(rb"^## Player version|^\d+\.\d+ \S+ \d+ (laser|sonar|position(2d)?) \d+", re.MULTILINE)
 _ODOMETRY = re.compile(rb"^Odometry\s+[-+\d.e]+\s+[-+\d.e]+\s+[-+\d.e]+\s*$", re.MULTILINE)
 _CARMEN_HEADER = re.compile(rb"^#+\s*message formats defined:", re.MULTILINE)
+
+
+def log_stem(log: str) -> str:
+    """Return the name of a log without what says its format; empty for standard input."""
+    name = "" if log == STREAM else Path(log).name or Path(log).resolve().name
+    while Path(name).suffix.lower() in SUFFIXES:
+        name = Path(name).stem
+    return name
 
 
 def read_readings(

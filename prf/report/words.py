@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from pathlib import PurePath
 from typing import Any
 
 from prf.agreement import Place
 from prf.convergence import Diagnosis, time_words
+from prf.logs import log_stem
 from prf.run import Run
 from prf.shell.page.markup import escape, table
 from prf.shell.pictures import counted, number, window_words
-
-LOG_SUFFIXES = (".gz", ".log", ".txt", ".bag", ".mcap", ".db3", ".csv", ".clf")
 
 
 def title_of(run: Run) -> str:
@@ -21,10 +19,8 @@ def title_of(run: Run) -> str:
     stems: list[str] = []
     poses = (run.manifest.get("configuration") or {}).get("poses")
     for row in run.manifest.get("inputs") or ():
-        name = PurePath(str(row.get("path"))).name if row.get("path") != poses else ""
-        for suffix in LOG_SUFFIXES:
-            name = name.removesuffix(suffix)
-        stems += [name] if name not in ("-", "", *stems) else []
+        name = log_stem(str(row.get("path"))) if row.get("path") != poses else ""
+        stems += [name] if name not in ("", *stems) else []
     return ", ".join(stems[:2]) or run.name
 
 

@@ -18,6 +18,7 @@ import numpy as np
 from prf.configuration import IN_MANIFEST, Configuration
 from prf.convergence import outlook, verdict
 from prf.kernels import constants as c
+from prf.logs import log_stem
 from prf.posterior import Settings
 from prf.run import PosteriorImage, Progress, Run, names, read_manifest, read_run, write_run
 from prf.run.write import make_folder, remove_half_written, remove_stale_outputs, remove_unfinished, write_manifest
@@ -25,7 +26,6 @@ from prf.sampler.chains import Sampler
 from prf.sampler.checkpoint import load_checkpoint, save_checkpoint
 from prf.sampler.prepare import Prepared, describe_readings, ladder_plan, make_settings
 from prf.shell.errors import ConfigError, InputError, OutputError
-from prf.shell.files import STREAM
 from prf.shell.manifest import describe_input, describe_process, versions
 from prf.shell.seeds import spawn_generators
 from prf.shell.settings import Loaded
@@ -36,8 +36,6 @@ PICTURE_SECONDS = 1.5
 """What drawing the picture of a run takes."""
 FIRST_SECONDS = 1.0
 """What writing a RUN without it is taken to cost until it was measured."""
-LOG_SUFFIXES = (".bag", ".mcap", ".db3", ".csv", ".txt", ".log", ".clf", ".gz")
-"""Ends of the names of logs; several may follow one another."""
 
 UNMOVED = Progress(0, 0.0, 0.0, 1.0, None, "finished")
 """Of a run without a round."""
@@ -283,8 +281,4 @@ def refuse_other_log(run: Run, flag: str, log: str | os.PathLike[str]) -> None:
 
 def default_output(log: str | os.PathLike[str]) -> Path:
     """Return the RUN directory for a log whose output was not named: its stem in the working directory."""
-    path = Path(os.fspath(log))
-    name = "" if os.fspath(log) == STREAM else path.name or path.resolve().name
-    while Path(name).suffix.lower() in LOG_SUFFIXES:
-        name = Path(name).stem
-    return Path((name or "laser") + ".run")
+    return Path((log_stem(os.fspath(log)) or "laser") + ".run")

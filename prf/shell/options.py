@@ -55,13 +55,7 @@ DURATION = re.compile("(?=.)" + "".join(rf"(?:(\d+(?:\.\d+)?){unit})?" for unit 
 
 
 def parse_duration(text: str) -> float:
-    """Return the seconds in ``90``, ``90s``, ``1.5m``, ``2h`` or ``1h30m``.
-
-    Raises
-    ------
-    ValueError
-        If it is none of these; typer makes a usage error of it.
-    """
+    """Return the seconds in ``90``, ``90s``, ``1.5m``, ``2h`` or ``1h30m``; ValueError if it is none of these."""
     words = text.strip().lower()
     found = DURATION.fullmatch(words)
     try:
