@@ -75,12 +75,13 @@ def perturb(
     find = find_settings(ScanOptions(poses, calibration, pattern, every, submaps), loaded)
     errors = PoseErrors(offset, yaw, drift, missed_loop)
     errors.check()
+    posed = find_scans(scans, find)
     if errors.is_none and reference is None:
         raise UsageError(
             "nothing tells which points are displaced. Give --reference, or an error such as --offset; mapq classify "
             "takes scans as they are."
         )
-    posed, targets = find_scans(scans, find), target_files(output, force)
+    targets = target_files(output, force)
     refuse_inputs(targets, [*posed.names, poses, reference, calibration])
     rule = Rule(chosen.suspicious_above, chosen.plausible_below, chosen.reach)
     settings = loaded.scans.merging(submaps)
