@@ -28,7 +28,6 @@ from benchmarks.real_methods import (
     table,
     train_on,
 )
-from benchmarks.registered import registered_map
 from benchmarks.split import split_by_place
 from mapq.crf.calibration import with_false_alarms
 from mapq.evaluate import Scores
@@ -48,7 +47,8 @@ Say = Callable[[str], None]
 def park(data: Path, models: dict[str, Model], say: Say) -> dict[str, Any]:
     """Part 1."""
     scans = real_data.park(data)
-    parts = split_by_place(registered_map(scans, MergeSettings(submaps=True)), TEST_SHARE, BUFFER, axis=0)
+    built = build(scans, settings=MergeSettings(submaps=True))
+    parts = split_by_place(built.cloud, TEST_SHARE, BUFFER, axis=0)
     drifted = {"train": real_data.labelled(parts.train), "test": real_data.labelled(parts.test)}
     single = {name: real_data.alone(scans, parts.axis, parts.strip, name == "test") for name in drifted}
     training = [drifted["train"], *single["train"]]
@@ -69,6 +69,7 @@ def park(data: Path, models: dict[str, Model], say: Say) -> dict[str, Any]:
     say("patches of single sub-maps called suspicious (all are taken for plausible):")
     for name, row in found["alone"].items():
         say(f"  {name:42}{row['suspicious']:>6} of {row['patches']}  {row['share']:.1%}")
+    found["labels"] = {name: value for name, value in built.report.items() if name != "scans"}
     return found
 
 

@@ -10,7 +10,6 @@ from typing import NamedTuple
 import numpy as np
 
 from benchmarks import real_data
-from benchmarks.registered import registered_map
 from mapq.cloud import PointCloud
 from mapq.io import read_patches, write_patches
 from mapq.patches import Patches
@@ -187,7 +186,7 @@ def _park(data: Path) -> Iterator[tuple[Map, Maker]]:
         row = Map(f"park-alone-{number}", "park", ALONE)
         yield row, lambda number=number: _submap(real_data.park(data), number)  # type: ignore[misc]
     chained = Map("park-chained-1", "park", WRONG, "chained", np.nan)
-    yield chained, lambda: registered_map(real_data.park(data), MergeSettings(submaps=True))
+    yield chained, lambda: build(real_data.park(data), settings=MergeSettings(submaps=True)).cloud
 
 
 def _submap(scans: PosedScans, number: int) -> PointCloud:

@@ -169,6 +169,7 @@ class Perturb(Table):
     suspicious_above: float = key(0.3, "m", "where scans disagree by more they are suspicious", gt=0, le=100)
     plausible_below: float = key(0.1, "m", "where scans disagree by less they are plausible", gt=0, le=100)
     reach: float | None = key(None, "m", "distance along a surface within which scans see the same", gt=0, le=100)
+    search: float = key(3.0, "m", "without right poses: how far off each other scans may lie", gt=0, le=100)
 
     def check(self) -> None:
         """Refuse bounds in the wrong order."""

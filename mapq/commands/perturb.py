@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator, Mapping
 from typing import Annotated, Any
 
@@ -11,10 +12,12 @@ from mapq.commands._options import Calibration, Config, Every, Pattern, Poses, S
 from mapq.commands._scans import ScanOptions, find_settings
 from prf.shell.options import Assignments, Force, Json, Output, Seed
 
+logger = logging.getLogger(__name__)
+
 EXAMPLES = (
     "mapq perturb sequences/00 --drift 0.5 1 --seed 1 -o drifted.ply",
     "mapq perturb scans --poses odometry.txt --reference slam.txt -o odometry.ply",
-    "mapq perturb 0.pcd 1.pcd --poses poses.txt --submaps --offset 0.5 -o map.ply",
+    "mapq perturb 0.pcd 1.pcd --poses poses.txt --submaps -o map.ply",
 )
 
 
@@ -54,9 +57,9 @@ def perturb(
     """Make a labelled map from posed scans: merged as they are, or with known errors of their poses.
 
     Point field `suspicious` is 1 where scans that see the same surface disagree along its normal, 0 where they agree or
-    one alone saw it, 255 where that is ambiguous or unknown. The right poses are those of --reference; without it those
-    given, before errors are added. The table [perturb] of the settings has the bounds of both labels, [scans] has
-    ranges and thinning.
+    one alone saw it, 255 where that is ambiguous or unknown. With errors the given poses are the right ones; else
+    --reference has them, or, without it, small pieces of the scans are registered to each other. The table [perturb] of
+    the settings has the bounds of both labels, [scans] ranges and thinning.
     """
     from dataclasses import asdict
 
@@ -65,7 +68,6 @@ def perturb(
     from mapq.perturb.files import SCHEMA, target_files, write_map
     from mapq.posed import find_scans, replace_poses
     from prf.shell import console, jsonout
-    from prf.shell.errors import UsageError
     from prf.shell.outputs import refuse_inputs
     from prf.shell.progress import progress
     from prf.shell.seeds import resolve_seed
@@ -73,20 +75,18 @@ def perturb(
     loaded = load_configuration({"config": config, "assignments": assignments}, "perturb", "scans", "cloud").settings
     chosen = loaded.perturb
     find = find_settings(ScanOptions(poses, calibration, pattern, every, submaps), loaded)
-    errors = PoseErrors(offset, yaw, drift, missed_loop)
-    errors.check()
     posed = find_scans(scans, find)
-    if errors.is_none and reference is None:
-        raise UsageError(
-            "nothing tells which points are displaced. Give --reference, or an error such as --offset; mapq classify "
-            "takes scans as they are."
-        )
-    targets = target_files(output, force)
+    targets, errors = target_files(output, force), PoseErrors(offset, yaw, drift, missed_loop)
+    errors.check()
     refuse_inputs(targets, [*posed.names, poses, reference, calibration])
-    rule = Rule(chosen.suspicious_above, chosen.plausible_below, chosen.reach)
+    rule = Rule(chosen.suspicious_above, chosen.plausible_below, chosen.reach, chosen.search)
     settings = loaded.scans.merging(submaps)
     right = replace_poses(posed, reference, find).every(every).poses if reference else None
     used_seed = None if errors.is_none else resolve_seed(seed)
+    if errors.is_none and right is None:
+        logger.info("no poses are known to be right: every scan is registered to those near it, piece by piece, which")
+        logger.info("takes a while. If these poses are right, give the same file as --reference too; without labels")
+        logger.info("mapq classify takes the scans as they are.")
     with progress(1.0, "merging and comparing scans") as bar:
         built = build(posed.every(every), errors, rule, settings, right, used_seed or 0, bar.update)
     head = {"seed": used_seed, "errors": asdict(errors), "rule": asdict(rule), "merging": asdict(settings)}
@@ -102,13 +102,14 @@ def _lines(report: Mapping[str, Any], beside: str) -> Iterator[str]:
     """Yield the table for a person."""
     n_points = report["n_points"]
     yield f"{'scans':<16}{len(report['scans'])}, {report['n_read']:,} points read, {n_points:,} kept"
-    yield f"{'labels from':<16}{report['labels_from']}, within {report['reach']:.2f} m along a surface"
+    reach = f", within {report['reach']:.2f} m along a surface" if "reach" in report else ""
+    yield f"{'labels from':<16}{report['labels_from']}{reach}"
     rule = report["rule"]
     for name, words in (
         ("suspicious", f"scans disagree by more than {rule['suspicious_above']:g} m"),
         ("plausible", f"they disagree by less than {rule['plausible_below']:g} m, or one alone saw it"),
         ("ambiguous", "between these"),
-        ("not_known", "no plane"),
+        ("not_known", "no plane, or scans that could not be compared"),
         ("seen_once", "of the plausible, those that one scan alone saw"),
     ):
         count = report[f"n_{name}"]

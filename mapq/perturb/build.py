@@ -13,6 +13,7 @@ from mapq.patches import PLAUSIBLE, SUSPICIOUS, UNLABELLED
 from mapq.perturb.errors import PoseErrors, displaced
 from mapq.perturb.known import Disagreement, find_surfaces, known_disagreement
 from mapq.perturb.label import Rule, label_points
+from mapq.perturb.measure import measured_disagreement
 from mapq.posed import PosedScans, drive_passes
 from mapq.posed.merge import Merged, MergeSettings, map_of, merge
 
@@ -45,7 +46,8 @@ def build(
     rule : Rule
     settings : MergeSettings
     reference : (k, 4, 4) float64, optional
-        The right poses; None: those of the scans, before the errors.
+        The right poses. None: with errors the poses before them; without, no poses are known to be right, and what
+        disagrees is measured by registration of small pieces.
     seed : int
         Of the directions of errors.
     progress : callable
@@ -61,15 +63,23 @@ def build(
     errors, rule, settings = errors or PoseErrors(), rule or Rule(), settings or MergeSettings()
     merged = merge(scans, settings, lambda done: progress(0.5 * done / len(scans)))
     used = scans.poses if errors.is_none else displaced(scans.poses, errors, seed)
-    right = scans.poses if reference is None else reference
-    surfaces = find_surfaces(merged, right, rule.reach, not settings.submaps)
-    progress(0.8)
-    found = known_disagreement(surfaces, right, used, rule.plausible_below)
+    right = reference if reference is not None or errors.is_none else scans.poses
+    sided = not settings.submaps
+    if right is not None:
+        surfaces = find_surfaces(merged, right, rule.reach, sided)
+        progress(0.8)
+        found = known_disagreement(surfaces, right, used, rule.plausible_below)
+        basis: dict[str, Any] = {"labels_from": "reference poses", "reach": surfaces.reach}
+    else:
+        share = 0.5 / len(scans)
+        found = measured_disagreement(
+            merged, used, rule.search, sided, rule.suspicious_above, lambda n: progress(0.5 + share * n)
+        )
+        basis = {"labels_from": "registration"}
     label = label_points(found.metres, rule)
     labels: dict[str, NDArray[Any]] = {"suspicious": label, "disagreement": found.metres.astype(np.float32)}
     cloud = map_of(merged, used, scans, settings, labels)
     progress(1.0)
-    basis = {"labels_from": "reference poses", "reach": surfaces.reach}
     return Built(cloud, {**basis, **_counts(merged, found, label), "scans": _rows(scans, merged, used, right)})
 
 
@@ -87,15 +97,17 @@ def _counts(merged: Merged, found: Disagreement, label: NDArray[np.uint8]) -> di
     }
 
 
-def _rows(scans: PosedScans, merged: Merged, used: Floats, right: Floats) -> list[dict[str, Any]]:
+def _rows(scans: PosedScans, merged: Merged, used: Floats, right: Floats | None) -> list[dict[str, Any]]:
     """Return the row of each scan in the report."""
     passes = drive_passes(scans.poses)
     n_points = np.bincount(merged.scan, minlength=len(scans))
     rows = []
     for scan, name in enumerate(scans.names):
         row: dict[str, Any] = {"scan": scan, "name": name, "n_read": merged.counts[scan], "n_points": n_points[scan]}
-        row |= {"pass_id": passes[scan], "pose": used[scan, :3].ravel(), "reference": right[scan, :3].ravel()}
+        row |= {"pass_id": passes[scan], "pose": used[scan, :3].ravel()}
         if scans.times is not None:
             row["time"] = scans.times[scan]
+        if right is not None:
+            row["reference"] = right[scan, :3].ravel()
         rows.append(row)
     return rows

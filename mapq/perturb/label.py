@@ -20,11 +20,14 @@ class Rule:
         Metres of disagreement along the normal; between them points are ambiguous.
     reach : float or None
         Metres along a surface within which two scans see the same part of it; None: estimated.
+    search : float
+        Metres by which scans may lie off each other where no right poses are known.
     """
 
     suspicious_above: float = 0.3
     plausible_below: float = 0.1
     reach: float | None = None
+    search: float = 3.0
 
 
 def label_points(metres: NDArray[np.float64], rule: Rule) -> NDArray[np.uint8]:

@@ -90,30 +90,57 @@ def test_json_and_a_seed_that_was_drawn(folder: Path, capsys: pytest.CaptureFixt
     assert json.loads(capsys.readouterr().out) == first
 
 
+def test_sub_maps_without_right_poses_are_registered(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = folder.parent / "map.ply"
+    odometry = str(folder.parent / "odometry.txt")
+    files = [str(folder / f"{scan}.ply") for scan in (0, 1, 2, 3)]
+    assert run(*files, "--poses", odometry, "--submaps", "--set", "scans.voxel=0.1", "-o", str(out)) == 0
+    fields = read_cloud(str(out)).fields
+    assert set(fields) == {"scan", "suspicious", "disagreement"}
+    assert (fields["suspicious"] == 1).mean() > 0.9
+    streams = capsys.readouterr()
+    assert "labels from     registration\n" in streams.out
+    assert "If these poses are right" in streams.err
+
+
 @pytest.mark.parametrize(
-    ("more", "code", "message"),
+    ("args", "code", "message"),
     [
-        ("--yaw 0", 2, "nothing tells which points are displaced. Give --reference"),
-        ("-o -", 2, "-o MAP.ply"),
-        ("-o map.json", 2, "-o"),
-        ("-o map.pcd", 2, "map.pcd"),
-        ("-o no/such/map.ply", 4, "no/such"),
-        ("-o scans/0.ply -f", 2, "is an input"),
-        ("--offset -1", 2, "--offset"),
-        ("--drift 1 nan", 2, "--drift"),
-        ("--set scans.voxel=-1", 2, "voxel"),
-        ("--set scans.min_range=3 --set scans.max_range=2", 2, "min_range"),
-        ("--set perturb.plausible_below=1", 2, "plausible_below"),
-        ("--set scans.max_range=0.5", 3, "no point is left"),
-        ("--reference no.txt", 3, "no.txt"),
-        ("--calibration calib.txt", 3, "calib.txt: no such file"),
-        ("scans", 3, "this is a folder"),
+        (["scans"], 2, "-o"),
+        (["scans", "-o", "-"], 2, "-o MAP.ply"),
+        (["scans", "-o", "map.json"], 2, "-o"),
+        (["scans", "-o", "map.pcd"], 2, "map.pcd"),
+        (["scans", "-o", "map.ply", "--offset", "-1"], 2, "--offset"),
+        (["scans", "-o", "map.ply", "--drift", "1", "nan"], 2, "--drift"),
+        (["scans", "-o", "map.ply", "--set", "scans.voxel=-1"], 2, "voxel"),
+        (["scans", "-o", "map.ply", "--set", "simulate.variety=4"], 2, "variety"),
+        (["scans", "-o", "map.ply", "--set", "scans.min_range=3", "--set", "scans.max_range=2"], 2, "min_range"),
+        (["scans", "-o", "map.ply", "--set", "perturb.plausible_below=1"], 2, "plausible_below"),
+        (["scans", "-o", "map.ply", "--set", "scans.quaternion=abcd"], 2, "quaternion"),
+        (["scans/0.ply", "scans/1.ply", "-o", "map.ply", "--scans", "*.ply"], 2, "--scans"),
+        (["scans", "-o", "map.ply", "--yaw", "1", "--set", "scans.max_range=0.5"], 3, "no point is left"),
+        (["scans", "-o", "map.ply", "--poses", "no.txt"], 3, "no.txt"),
+        (["scans", "-o", "map.ply", "--reference", "no.txt"], 3, "no.txt"),
+        (["scans", "-o", "map.ply", "--scans", "b*"], 3, "--scans"),
+        (["scans", "-o", "map.ply", "--calibration", "calib.txt"], 3, "calib.txt: no such file"),
+        (["no-folder", "-o", "map.ply"], 3, "no-folder"),
+        (["scans", "scans", "-o", "map.ply"], 3, "this is a folder"),
+        (["scans", "-o", "no/such/map.ply"], 4, "no/such"),
+        (["scans/0.ply", "--poses", "scans/poses.txt", "-o", "scans/0.ply", "-f"], 2, "is an input"),
+        (["scans", "-o", "scans/0.ply", "-f"], 2, "is an input"),
     ],
 )
-def test_refusals(more: str, code: int, message: str, folder: Path, capsys, monkeypatch) -> None:
+def test_refusals(
+    args: list[str],
+    code: int,
+    message: str,
+    folder: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.chdir(folder.parent)
     before = sorted(path.name for path in folder.parent.rglob("*"))
-    assert run("scans", "-o", "map.ply", "--yaw", "1", *more.split()) == code
+    assert run(*args) == code
     streams = capsys.readouterr()
     assert streams.out == ""
     assert message in streams.err

@@ -7,6 +7,7 @@ call plausible or suspicious, 7 % are called differently.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -14,13 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from benchmarks.register import Piece, Sheet, lies_on, register
-from mapq.cloud import PointCloud
 from mapq.perturb.cells import mean_of, planes_round
 from mapq.perturb.known import Disagreement
-from mapq.perturb.label import Rule, label_points
-from mapq.posed import MergeSettings, PosedScans
-from mapq.posed.merge import Merged, cell_keys, map_of, merge
+from mapq.perturb.register import Piece, Sheet, lies_on, register
+from mapq.posed.merge import Merged, cell_keys
 
 Floats = NDArray[np.float64]
 
@@ -65,19 +63,13 @@ class Parted(NamedTuple):
     flat: NDArray[np.bool_]
 
 
-def registered_map(scans: PosedScans, settings: MergeSettings) -> PointCloud:
-    """Return the map of scans where their poses put them, with the label that registration gives each point."""
-    merged, rule = merge(scans, settings), Rule()
-    found = measured_disagreement(merged, scans.poses, sided=not settings.submaps, proven=rule.suspicious_above)
-    return map_of(merged, scans.poses, scans, settings, {"suspicious": label_points(found.metres, rule)})
-
-
 def measured_disagreement(
     merged: Merged,
     poses: Floats,
     search: float = 3.0,
     sided: bool = True,
     proven: float = 0.3,
+    progress: Callable[[int], None] = lambda done: None,
 ) -> Disagreement:
     """Return how far apart scans, with the poses that are used, put what registration finds to be the same walls.
 
@@ -99,6 +91,7 @@ def measured_disagreement(
             found = _compare(part, parts[other].sheet, windows[scan], search, sided) if other != scan else None
             if found is not None:
                 compared[scan, other] = found
+        progress(scan + 1)
     metres, n_others = np.full(len(points), np.nan), np.zeros(len(points), np.int64)
     for scan, part in enumerate(parts):
         rows = slice(int(starts[scan]), int(starts[scan + 1]))

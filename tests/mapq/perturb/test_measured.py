@@ -1,12 +1,13 @@
-"""Labels of benchmarks where no poses are known to be right: pieces of scans are registered to each other."""
+"""Labels where no poses are known to be right: pieces of scans are registered to each other."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from benchmarks.registered import measured_disagreement, registered_map
 from mapq.patches import PLAUSIBLE, SUSPICIOUS, UNLABELLED
+from mapq.perturb import build
+from mapq.perturb.measure import measured_disagreement
 from mapq.posed import MergeSettings
 from mapq.posed.merge import merge
 from tests.mapq.factories import Rectangle, wall
@@ -18,10 +19,6 @@ POSES = [pose_at(6.0, 5.0), pose_at(14.0, 8.0, 90.0)]
 def court(used, walls=COURT, density=20.0):
     points = [look(walls, pose, number, density) for number, pose in enumerate(POSES)]
     return points, make_scans(points, POSES).with_poses(np.array(used), "used")
-
-
-def label_of(points):
-    return registered_map(make_scans(points, POSES), MergeSettings()).fields["suspicious"]
 
 
 def faces(points):
@@ -51,19 +48,32 @@ def test_the_displacement_is_found_where_it_shows(sided, dx, yaw):
     assert np.isnan(found.metres[ground]).mean() > 0.97
 
 
+def test_labels_and_what_they_rest_on():
+    points, scans = court([POSES[0], pose_at(14.6, 8.0, 90.0)])
+    built = build(scans)
+    label = built.cloud.fields["suspicious"]
+    across_x, across_y, ground = faces(np.concatenate(points))
+    assert (label[across_x] == SUSPICIOUS).mean() > 0.97
+    assert (label[across_y] == PLAUSIBLE).mean() > 0.95
+    assert (label[ground] == UNLABELLED).mean() > 0.97
+    assert built.report["labels_from"] == "registration"
+    assert built.report["n_not_known"] >= ground.sum() * 0.97
+
+
 def test_walls_that_no_other_scan_comes_near_are_plausible():
     far = [wall((60.0, y), (75.0, y), 4.0) for y in (0.0, 9.0)]
     points = [look(COURT, POSES[0], 0, 20.0), look(far, POSES[1], 1, 20.0)]
-    label = label_of(points)
-    assert (label[np.concatenate(points)[:, 2] > 0.4] == PLAUSIBLE).mean() > 0.97
-    assert (label != SUSPICIOUS).all()
+    built = build(make_scans(points, POSES))
+    of_walls = np.concatenate([each[:, 2] > 0.4 for each in points])
+    assert (built.cloud.fields["suspicious"][of_walls] == PLAUSIBLE).mean() > 0.97
+    assert built.report["n_suspicious"] == 0
 
 
 def test_near_walls_that_do_not_fit_are_not_known():
     # A row of stubs that stand at right angles to the wall near them: nothing of it overlaps.
     stubs = [wall((x, 0.2), (x, 1.4), 4.0) for x in np.arange(0.5, 20.0, 0.7)]
     points = [look(COURT[:1], POSES[0], 0, 20.0), look(stubs, POSES[1], 1, 20.0)]
-    label = label_of(points)
+    label = build(make_scans(points, POSES)).cloud.fields["suspicious"]
     assert (label == UNLABELLED).mean() > 0.9
 
 
@@ -71,5 +81,13 @@ def test_what_is_too_small_to_be_registered_is_not_known():
     # A board that both see, 0.6 m apart: too small for a piece, and by itself it was "seen once".
     boards = [Rectangle((5.0, y, 2.0), (1, 0, 0), width=0.8, height=0.8) for y in (4.0, 4.6)]
     points = [look([board, COURT[4]], pose, 3, 400.0) for board, pose in zip(boards, POSES, strict=True)]
-    label = label_of(points)
+    label = build(make_scans(points, POSES)).cloud.fields["suspicious"]
     assert (label[np.concatenate(points)[:, 2] > 0.4] == UNLABELLED).all()
+
+
+def test_an_empty_scan_and_a_scan_without_walls_are_unknown():
+    points = [look(COURT, POSES[0], 0, 20.0), look(COURT[4:], POSES[1], 1, 20.0)]
+    built = build(make_scans(points, POSES), settings=MergeSettings(max_range=30.0))
+    assert built.report["n_suspicious"] == 0
+    merged = merge(make_scans([points[0], points[1][:0]], POSES))
+    assert np.isfinite(measured_disagreement(merged, np.array(POSES)).metres).any()
