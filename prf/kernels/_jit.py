@@ -10,7 +10,7 @@ import numba
 import numpy as np
 
 from prf.shell.kernel_cache import KernelCache
-from prf.shell.kernel_parts import part_options, share_integers
+from prf.shell.kernel_parts import loop_options, part_options, share_integers
 
 FLAGS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "cache": True, "no_cfunc_wrapper": True}
 """``nogil`` lets chains run in threads; ``numpy`` errors make a division by zero give inf, not raise inside a chain.
@@ -43,6 +43,13 @@ def jit(function: _Function) -> _Function:
     """Compile `function` in nopython mode with the project's flags, cached under :data:`CACHE`."""
     with CACHE.own():
         compiled: _Function = numba.njit(**FLAGS)(function)
+    return share_integers(compiled)
+
+
+def loop(function: _Function) -> _Function:
+    """Compile the loop of the sampler's steps: as :func:`jit`, and optimised twice."""
+    with CACHE.own():
+        compiled: _Function = numba.njit(**FLAGS, **loop_options())(function)
     return share_integers(compiled)
 
 

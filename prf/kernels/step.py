@@ -3,7 +3,7 @@
 import math
 
 from prf.kernels import constants as c
-from prf.kernels._jit import Array, Rng, core, jit, spine
+from prf.kernels._jit import Array, Rng, core, loop, spine
 from prf.kernels.accept import accept
 from prf.kernels.chain import Chain, apply
 from prf.kernels.crossing import is_valid
@@ -117,7 +117,7 @@ def run_steps(chain: Chain, rng: Rng, until: int) -> bool:
     return True
 
 
-@jit
+@loop
 def run(chain: Chain, rng: Rng, until: int) -> bool:
     """Step until the step counter reaches `until`; False if the chain needs room first (:func:`prf.layout.grow`)."""
     return run_steps(chain, rng, until)
