@@ -24,6 +24,7 @@ demo: setup ## map four rooms until the chains agree, assess a town; leaves a pa
 	$(BIN)/mapq classify data/demo-town.ply.gz -o demo/town.ply --force
 	$(BIN)/mapq evaluate demo/town.ply
 	$(BIN)/mapq report demo/town.ply -o demo/town.html --force
+	@echo "open demo/rooms.html and demo/town.html in a browser"
 
 test: setup ## all tests but the slow ones
 	$(BIN)/python -m tests.warm_kernels
