@@ -36,7 +36,7 @@ def make_kernels(options: dict[str, Any]) -> tuple[Any, Any]:
     """Return a kernel with two levels of parts, and the lowest part, which is called with integers of three kinds."""
     njit: Any = numba.njit
     names = {
-        "__name__": "tests.kernels.toy",
+        "__name__": "toy.kernels.sums",
         "njit": njit,
         "part": lambda function: share_integers(njit(**FLAGS, **options)(function)),
     }
@@ -61,12 +61,12 @@ def test_kernels_are_counted_while_they_are_compiled(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     entry, _ = make_kernels(part_options())
-    caller = ModuleType("tests.caller")
+    caller = ModuleType("toy.caller")
     vars(caller)["entry"] = entry
-    monkeypatch.setitem(sys.modules, "tests.caller", caller)
-    counted = CompileProgress("tests", set)
+    monkeypatch.setitem(sys.modules, "toy.caller", caller)
+    counted = CompileProgress("toy", set)
     with event.install_listener("numba:compile", counted), caplog.at_level(logging.INFO):
         entry(*ARGUMENTS)
         entry(*ARGUMENTS)
     assert len(counted.done) == 3
-    assert caplog.messages == ["compiling 3 kernels, once (tests warm does it ahead) ..."]
+    assert caplog.messages == ["compiling 3 kernels, once (toy warm does it ahead) ..."]
