@@ -96,7 +96,8 @@ def _part_compiler(library: Any, compiler: Any) -> type:
                 self._whole = self.own_module().clone()
                 # Callers first: the linker takes a function only if something calls it already.
                 for below in reversed(self.after({})):
-                    self._reload_init.update(below._reload_init)
+                    if hasattr(self, "_reload_init"):  # not in numba 0.62
+                        self._reload_init.update(below._reload_init)
                     code = below.own_module() if isinstance(below, Part) else below._get_module_for_linking()
                     self._whole.link_in(code, preserve=True)
             return self._whole
