@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar, Literal, Self
@@ -150,8 +151,8 @@ class Readings(Table):
         """Return the poses of the file with how they belong to scans; None if there is none."""
         if self.poses is None:
             return None
-        how = {name: getattr(self, f"pose_{name}") for name in ("mount", "gap", "offset")}
-        return read_poses(self.poses, self.pose_quaternion, **how)
+        found = read_poses(self.poses, self.pose_quaternion)
+        return dataclasses.replace(found, mount=self.pose_mount, gap=self.pose_gap, offset=self.pose_offset)
 
 
 class Driven(Table):

@@ -129,10 +129,3 @@ def beside(path: str, suffix: str) -> str:
     """Return the default name of an output: that of `path` with another suffix; "." has the name of its folder."""
     file = Path(path if Path(path).name not in ("", "..") else os.path.abspath(path))
     return str(file.with_name(file.name.removesuffix(".gz")).with_suffix(suffix))
-
-
-def is_verbose() -> bool:
-    """Return whether -v is given: tables are then complete."""
-    from prf.shell.console import settings
-
-    return settings.verbosity > 0

@@ -25,11 +25,11 @@ from mapq.commands._options import (
     Topic,
     Unit,
     Workers,
-    is_verbose,
     load_model,
     parse_share,
 )
 from mapq.commands._scans import ScanOptions, are_scans, default_name, read_map
+from prf.shell.console import is_verbose
 from prf.shell.options import Assignments, Force, Json, Output, Presets
 
 if TYPE_CHECKING:

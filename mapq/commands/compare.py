@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mapq.commands._options import ModelFile, is_verbose, parse_share
+from mapq.commands._options import ModelFile, parse_share
+from prf.shell.console import is_verbose
 from prf.shell.options import Assignments, Json
 
 if TYPE_CHECKING:

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mapq.commands._options import MaxFalseAlarms, ModelFile, TruthField, is_verbose, load_model
+from mapq.commands._options import MaxFalseAlarms, ModelFile, TruthField, load_model
+from prf.shell.console import is_verbose
 from prf.shell.options import Json
 
 if TYPE_CHECKING:

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mapq.commands._options import Config, is_verbose
+from mapq.commands._options import Config
+from prf.shell.console import is_verbose
 from prf.shell.options import Assignments, Json, Presets
 
 if TYPE_CHECKING:

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from mapq.commands._options import Topic, Unit, is_verbose
+from mapq.commands._options import Topic, Unit
+from prf.shell.console import is_verbose
 from prf.shell.options import Assignments, Json
 
 if TYPE_CHECKING:

@@ -18,9 +18,9 @@ from mapq.commands._options import (
     Submaps,
     Topic,
     Unit,
-    is_verbose,
 )
 from mapq.commands._scans import ScanOptions, are_scans, default_name, read_map
+from prf.shell.console import is_verbose
 from prf.shell.options import Assignments, Force, Json, Output, Presets
 
 if TYPE_CHECKING:

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mapq.commands._options import Config, MaxFalseAlarms, is_verbose
+from mapq.commands._options import Config, MaxFalseAlarms
+from prf.shell.console import is_verbose
 from prf.shell.options import Assignments, Force, Json, Output, Presets
 
 if TYPE_CHECKING:

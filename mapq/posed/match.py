@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation, Slerp
+from scipy.spatial.transform import Rotation
 
 from mapq.posed.files import number_of, stamp_of, stem_of
 from prf.shell.errors import InputError
-from prf.shell.trajectory import Trajectory, rigid
+from prf.shell.trajectory import Trajectory, interpolate, rigid
 
 SAME_TIME = 1e-3
 """Seconds within which the name of a scan is the time of a pose: either may have been rounded."""
@@ -40,11 +40,10 @@ def with_poses_at(table: Trajectory, names: Sequence[str]) -> Trajectory:
     if not between.any():
         return table
     new, poses = np.unique(at[between]), table.poses[first]
-    place = np.column_stack([np.interp(new, times, column) for column in poses[:, :3, 3].T])
-    turn = Slerp(times, Rotation.from_matrix(poses[:, :3, :3]))(new).as_matrix()
+    place, turn = interpolate(times, poses[:, :3, 3], Rotation.from_matrix(poses[:, :3, :3]), new)
     order = np.argsort(np.concatenate([times, new]))
     return table._replace(
-        poses=np.concatenate([poses, rigid(turn, place)])[order], times=np.concatenate([times, new])[order]
+        poses=np.concatenate([poses, rigid(turn.as_matrix(), place)])[order], times=np.concatenate([times, new])[order]
     )
 
 

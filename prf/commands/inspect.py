@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from prf.inspection import FileState
 
 MAIN = ("kind", "created", "command", "inputs[0].path", "status", "seed")
-"""Entries that are told without ``-v``."""
+"""Entries that are printed without ``-v``."""
 
 EXAMPLES = (
     "prf inspect office",

@@ -26,7 +26,7 @@ MAIN = {
     "iou_free": "the same of free space",
     "seed": "",
 }
-"""What is told without ``-v``, and in words what it is (docs/scores.md has all)."""
+"""What is printed without ``-v``, and in words what it is (docs/scores.md has all)."""
 
 logger = logging.getLogger(__name__)
 

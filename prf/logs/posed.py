@@ -13,14 +13,14 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation, Slerp
+from scipy.spatial.transform import Rotation
 
 from prf.logs.poses import MAX_TIES, mounted
 from prf.logs.readings import Readings, ScanTable
 from prf.logs.text import FloatArray, check_domains
 from prf.shell.errors import ConfigError, InputError
 from prf.shell.files import STREAM
-from prf.shell.trajectory import Order, Trajectory, in_seconds, read_trajectory, rigid
+from prf.shell.trajectory import Order, Trajectory, in_seconds, interpolate, read_trajectory, rigid
 
 GAP = 2.0  # seconds between poses, up to which a robot is taken to go straight from one to the next
 SAME_TIME = 0.01  # seconds: a scan so near to a pose has it, since files round their times
@@ -50,10 +50,10 @@ class Poses:
         return None if self.trajectory.times is None else self.trajectory.times + self.offset
 
 
-def read_poses(path: str, quaternion: Order | None = None, **how: object) -> Poses:
-    """Read the poses of a file; `how` as the fields of :class:`Poses`."""
+def read_poses(path: str, quaternion: Order | None = None) -> Poses:
+    """Read the poses of a file, which belong to scans as the log and the defaults have it."""
     trajectory = read_trajectory(path, quaternion, "readings.pose_quaternion")
-    return Poses(trajectory, "standard input" if path == STREAM else path, **how)  # type: ignore[arg-type]
+    return Poses(trajectory, "standard input" if path == STREAM else path)
 
 
 def placed(readings: Readings, poses: Poses) -> Readings:
@@ -187,10 +187,7 @@ def _interpolated(poses: Poses, times: FloatArray, at: FloatArray) -> tuple[Floa
     before = np.maximum(after - 1, 0)
     distance = np.minimum(np.abs(when - stamps[before]), np.abs(when - stamps[after]))
     usable = inside & ((stamps[after] - stamps[before] <= poses.gap) | (distance <= SAME_TIME))
-    turn = known[:, :3, :3][after]
-    if len(stamps) > 1:
-        turn = Slerp(stamps, Rotation.from_matrix(known[:, :3, :3]))(when).as_matrix()
-    shift = np.column_stack([np.interp(when, stamps, column) for column in known[:, :3, 3].T])
-    found = rigid(turn, shift)
+    places, turns = interpolate(stamps, known[:, :3, 3], Rotation.from_matrix(known[:, :3, :3]), when)
+    found = rigid(turns.as_matrix(), places)
     found[~usable] = np.nan
     return found, int(np.count_nonzero(~inside))

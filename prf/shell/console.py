@@ -97,7 +97,7 @@ def summarize(text: str) -> None:
 
 
 def is_verbose() -> bool:
-    """Return whether ``-v`` asks for long tables: without it an answer has at most 15 lines, and the rest is told."""
+    """Return whether ``-v`` asks for long tables: without it an answer has at most 15 lines."""
     return settings.verbosity >= 1
 
 

@@ -10,9 +10,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation, Slerp
+from scipy.spatial.transform import Rotation
 
 from prf.shell.bag import Message, seconds
+from prf.shell.trajectory import interpolate
 
 FloatArray = NDArray[np.float64]
 
@@ -148,8 +149,7 @@ def _at(edge: _Edge, time: FloatArray) -> Rigid:
     if edge.is_rigid:
         found = np.tile(edge.pose[-1], (len(time), 1))
         return Rigid(found[:, :3], found[:, 3:], np.ones(len(time), dtype=bool))
-    shift = np.column_stack([np.interp(time, stamps, column) for column in pose[:, :3].T])
-    turn = Slerp(stamps, Rotation.from_quat(pose[:, 3:]))(np.clip(time, stamps[0], stamps[-1]))
+    shift, turn = interpolate(stamps, pose[:, :3], Rotation.from_quat(pose[:, 3:]), time)
     return Rigid(shift, turn.as_quat(), (time >= stamps[0] - HOLD) & (time <= stamps[-1] + HOLD))
 
 

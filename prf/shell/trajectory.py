@@ -7,7 +7,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
+from scipy.spatial.transform import Rotation, Slerp
 
 from prf.shell.errors import InputError
 from prf.shell.pose_rows import PoseRows, read_pose_rows
@@ -105,6 +105,16 @@ def rigid(rotation: Floats, translation: Floats) -> Floats:
     poses[:, :3, :3] = rotation
     poses[:, :3, 3] = translation
     return poses
+
+
+def interpolate(stamps: Floats, places: Floats, turns: Rotation, at: Floats) -> tuple[Floats, Rotation]:
+    """Return places (n, 3) and turns at times `at` (n,), from those (k, 3) and (k,) at `stamps` (k,), which rise.
+
+    Metres and seconds; linear between stamps and along the shorter arc, held before the first and after the last.
+    """
+    when = np.clip(at, stamps[0], stamps[-1])
+    moved = np.column_stack([np.interp(when, stamps, column) for column in places.T])
+    return moved, Slerp(stamps, turns)(when) if len(stamps) > 1 else turns[np.zeros(len(when), np.int64)]
 
 
 def _refuse_far(values: Floats, where: Sequence[str]) -> None:

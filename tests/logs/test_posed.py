@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -29,7 +31,10 @@ def log(tmp_path, times, offset=0.0):
 
 def scans_of(path, file, **how):
     readings = read_readings(
-        path, topic=how.pop("topic", None), frame=how.pop("frame", None), poses=read_poses(file, **how)
+        path,
+        topic=how.pop("topic", None),
+        frame=how.pop("frame", None),
+        poses=replace(read_poses(file, how.pop("quaternion", None)), **how),
     )
     return readings, readings.notes.scans.pose
 
