@@ -10,6 +10,7 @@ from typing import Any, ClassVar, Literal, Self
 from prf.arak import checked_scale
 from prf.logs import CONE, Poses, read_poses
 from prf.logs.posed import GAP
+from prf.poses.model import ODOMETRY
 from prf.sensors.laser import LaserModel
 from prf.sensors.points import PointModel
 from prf.sensors.sonar import SonarModel
@@ -162,6 +163,37 @@ class Driven(Table):
     poses: DrivenPoses = key("used", "", "used: the way of the scans in use; all: of the whole log")
 
 
+class Trajectory(Table):
+    """Poses that are uncertain, and sampled with the map (docs/poses.md)."""
+
+    pose_noise: tuple[float, float] | None = key(
+        None, "m, rad", "standard deviations of independent errors of the given poses"
+    )
+    odometry: str | None = key(None, "", f"the given poses are odometry of this kind: {', '.join(ODOMETRY)}")
+    odometry_noise: tuple[float, float, float, float] | None = key(
+        None, "rad/√rad, rad/√m, m/√m, m/√rad", "the same by its numbers: turn by turn, by way; way by way, by turn"
+    )
+
+    def check(self) -> None:
+        """Refuse what is no standard deviation, and odometry of no known kind."""
+        for name in ("pose_noise", "odometry_noise"):
+            values = getattr(self, name)
+            if values is not None and not all(value > 0.0 for value in values):
+                raise ConfigError(f"{name.replace('_', '-')} {values}: standard deviations must be above 0")
+        if self.odometry is not None and self.odometry not in ODOMETRY:
+            raise ConfigError(f"odometry {self.odometry}: must be one of {', '.join(ODOMETRY)}")
+
+    @property
+    def is_uncertain(self) -> bool:
+        """Whether poses are sampled."""
+        return self.pose_noise is not None or self.step_noise is not None
+
+    @property
+    def step_noise(self) -> tuple[float, float, float, float] | None:
+        """The four numbers of the odometry; None where the given poses are none."""
+        return self.odometry_noise or (None if self.odometry is None else ODOMETRY[self.odometry])
+
+
 class Sampler(Table):
     """The chains (docs/convergence.md, docs/large-jobs.md)."""
 
@@ -226,7 +258,7 @@ class Simulate(Table):
 
 PREFIXES: Mapping[str, str] = {"sonar": "sonar_", "points": "points_", "driven": "driven_"}
 """Before the keys of these tables in manifests and flags; nothing for others."""
-IN_MANIFEST = ("prior", "laser", "sonar", "points", "thinning", "readings", "driven", "sampler")
+IN_MANIFEST = ("prior", "laser", "sonar", "points", "thinning", "readings", "driven", "trajectory", "sampler")
 
 
 class Configuration(Tree):
@@ -241,6 +273,7 @@ class Configuration(Tree):
     thinning: Thinning = Thinning()
     readings: Readings = Readings()
     driven: Driven = Driven()
+    trajectory: Trajectory = Trajectory()
     sampler: Sampler = Sampler()
     grid: Grid = Grid()
     anneal: Anneal = Anneal()
@@ -288,4 +321,7 @@ def load_configuration(
     tables: Sequence[str] = IN_MANIFEST,
 ) -> Loaded[Configuration]:
     """Return what the options of a verb that reads `tables` ask for, see :func:`prf.shell.settings.load_options`."""
-    return load_options(Configuration, options, tables, defaults)
+    loaded = load_options(Configuration, options, tables, defaults)
+    if loaded.settings.trajectory.is_uncertain and "driven.radius" not in loaded.sources:
+        return loaded._replace(settings=loaded.settings.replace(driven_radius=0.0))
+    return loaded

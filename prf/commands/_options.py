@@ -40,6 +40,14 @@ Poses = Annotated[
     str | None,
     typer.Option("--poses", metavar="FILE", help="Poses for scans without or with worse ones: TUM, KITTI, g2o, CSV."),
 ]
+PoseNoise = Annotated[
+    tuple[float, float] | None,
+    typer.Option("--pose-noise", metavar="METRES RADIANS", help="The poses err by so much, independently."),
+]
+Odometry = Annotated[
+    str | None,
+    typer.Option("--odometry", metavar="KIND", help="The poses are odometry: precise, wheels or poor."),
+]
 Config = Annotated[
     str | None,
     typer.Option("--config", metavar="FILE.toml", help="Settings file; flags and --set win over it."),

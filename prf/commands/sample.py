@@ -59,6 +59,8 @@ def sample(
     topic: o.Topic = None,
     frame: o.Frame = None,
     poses: o.Poses = None,
+    pose_noise: o.PoseNoise = None,
+    odometry: o.Odometry = None,
     output: Output = None,
     config: o.Config = None,
     preset: Presets = None,
