@@ -17,7 +17,7 @@ from prf.kernels.constants import STEP
 from prf.occupancy import SCHEMA as GRID_SCHEMA
 from prf.occupancy import is_grid, read_grid
 from prf.run import names, read_manifest, read_map_feature
-from prf.run.read import read_best, read_draws, read_image, read_readings
+from prf.run.read import read_best, read_draws, read_image, read_readings, read_trajectory
 from prf.score import read_occupied_area
 from prf.shell.errors import InputError, PrfError
 from prf.shell.files import open_input
@@ -45,11 +45,12 @@ class FileState(NamedTuple):
 
 
 def inspect_files(path: str | os.PathLike[str]) -> list[FileState]:
-    """Return the state of every file that a RUN directory may hold, in the order of the documentation."""
+    """Return the state of every file that a RUN directory should hold, in the order of the documentation."""
     folder = Path(path)
     if not (folder / names.MANIFEST).is_file():
         read_manifest(folder)  # raises what is wrong with the folder itself
-    return [_inspect(folder / name, summarise) for name, summarise in _SUMMARIES.items()]
+    kept = {name: how for name, how in _SUMMARIES.items() if name not in _OF_POSES or (folder / name).exists()}
+    return [_inspect(folder / name, summarise) for name, summarise in kept.items()]
 
 
 def _inspect(file: Path, summarise: Callable[[Path], str]) -> FileState:
@@ -102,6 +103,18 @@ def _summarise_readings(file: Path) -> str:
     return "; ".join(parts)
 
 
+def _summarise_poses(file: Path) -> str:
+    found = read_trajectory(file)
+    return f"{len(found.draws)} draws; {found.words()}"
+
+
+def _summarise_trajectory(file: Path) -> str:
+    header, *rows = file.read_text(errors="replace").splitlines() or [""]
+    if header != names.TRAJECTORY_HEADER:
+        raise damaged(file, f"its first line is not {names.TRAJECTORY_HEADER}")
+    return f"{len(rows)} poses, mean and standard deviation"
+
+
 def _summarise_best(file: Path) -> str:
     coloring, log_posterior = read_best(file)
     return f"best map: {coloring.n_edges} edges, log posterior {log_posterior:.2f}"
@@ -137,12 +150,16 @@ _SUMMARIES: dict[str, Callable[[Path], str]] = {
     names.DRAWS: _summarise_draws,
     names.POSTERIOR: _summarise_image,
     names.READINGS: _summarise_readings,
+    names.POSES: _summarise_poses,
+    names.TRAJECTORY: _summarise_trajectory,
     names.MAP: _summarise_best,
     names.DIAGNOSTICS: _summarise_diagnostics,
     names.CHECKPOINT: _summarise_checkpoint,
     names.PICTURE: _summarise_picture,
 }
 
+_OF_POSES = (names.POSES, names.TRAJECTORY)
+"""Files that runs with fixed poses do not have."""
 
 Kind = Literal["run", "grid", "map", "draws"]
 

@@ -12,6 +12,7 @@ from prf.coloring import Draws, feature_lines
 from prf.configuration import Configuration, load_configuration
 from prf.estimate import occupied_probability
 from prf.logs import Readings
+from prf.poses.posterior import Trajectory
 from prf.run import PosteriorImage, Run
 from prf.score import SCORE_DEFAULTS
 from prf.sensors.sonar import SonarModel
@@ -64,6 +65,15 @@ def make_image(draws: Draws, resolution: float) -> PosteriorImage:
     seen = np.arange(point.size).reshape(point.shape) % 5 > 0
     differs = (0.1 * point).astype(np.float32)
     return PosteriorImage(point.astype(np.float32), square.astype(np.float32), origin, resolution, seen, differs)
+
+
+def make_trajectory(readings: Readings, n_draws: int) -> Trajectory:
+    """Return the poses of scans, each 5 cm to the right of the given one, with 1 cm and 0.01 rad of noise."""
+    path = readings.sensor_path()
+    given = np.column_stack([path, np.linspace(-3.0, 3.0, len(path))])
+    noise = np.random.default_rng(3).normal(0.0, 0.01, (n_draws, *given.shape))
+    draws = (noise + np.array([0.05, 0.0, 0.0])).astype(np.float32)
+    return Trajectory(np.unique(readings.scan), 100.0 + np.arange(len(path)), given, draws)
 
 
 def make_run(seed: int = 1, n_draws: int = 12, window: Window = WINDOW, resolution: float = 1.0) -> Run:

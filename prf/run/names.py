@@ -6,16 +6,21 @@ MANIFEST = "manifest.json"
 DRAWS = "draws.npz"
 POSTERIOR = "posterior.npz"
 READINGS = "readings.npz"
+POSES = "poses.npz"
 MAP = "map.geojson"
 DIAGNOSTICS = "diagnostics.json"
 CHECKPOINT = "checkpoint.npz"
 PICTURE = "posterior.png"
+TRAJECTORY = "trajectory.csv"
+
+TRAJECTORY_HEADER = "scan,t,x,y,theta,sd_x,sd_y,sd_theta"
 
 SCHEMAS = {
     MANIFEST: "prf.run/1",
     DRAWS: "prf.draws/1",
     POSTERIOR: "prf.posterior/2",
     READINGS: "prf.readings/1",
+    POSES: "prf.poses/1",
     MAP: "prf.map/1",
     DIAGNOSTICS: "prf.diagnostics/1",
 }

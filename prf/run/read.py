@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from prf.coloring import Coloring, Draws
 from prf.logs import PointTable, Readings
+from prf.poses.posterior import Trajectory
 from prf.run import names
 from prf.run.mapfile import read_map_feature
 from prf.run.model import PosteriorImage
@@ -20,8 +21,8 @@ from prf.shell.errors import InputError
 from prf.shell.storage import OtherVersion, damaged, load_arrays, load_object, take_array
 from prf.window import LARGEST_COORDINATE, Window
 
-PARTS = (names.POSTERIOR, names.READINGS, names.MAP, names.DIAGNOSTICS)
-"""Files beside manifest and draws; a run that was interrupted early may lack them."""
+PARTS = (names.POSTERIOR, names.READINGS, names.POSES, names.MAP, names.DIAGNOSTICS)
+"""Files beside manifest and draws; a run that was interrupted early may lack them, one with fixed poses has none."""
 
 
 LARGEST = 1e300
@@ -38,6 +39,8 @@ def read_run(path: str | os.PathLike[str], parts: Collection[str] = PARTS) -> Ru
         fields["image"] = read_image(folder / names.POSTERIOR)
     if names.READINGS in present:
         fields |= read_readings(folder / names.READINGS)
+    if names.POSES in present:
+        fields["trajectory"] = read_trajectory(folder / names.POSES)
     if names.MAP in present:
         fields["best"], fields["best_log_posterior"] = read_best(folder / names.MAP)
     if names.DIAGNOSTICS in present:
@@ -156,6 +159,22 @@ def _take_points(path: Path, arrays: dict[str, NDArray[Any]]) -> PointTable:
     if not (np.isfinite(xy).all() and np.isfinite(value).all()):
         raise damaged(path, "a point has a coordinate or value that is not finite")
     return PointTable(xy, value, np.arange(1, len(value) + 1), str(path))
+
+
+def read_trajectory(path: Path) -> Trajectory:
+    """Return the sampled poses in poses.npz."""
+    arrays = load_arrays(path, names.SCHEMAS[names.POSES])
+    scan = take_array(path, arrays, "scan", np.int64, (None,))
+    n = len(scan)
+    found = Trajectory(
+        scan,
+        take_array(path, arrays, "time", np.float64, (n,)),
+        take_array(path, arrays, "given", np.float64, (n, 3)),
+        take_array(path, arrays, "draws", np.float32, (None, n, 3)),
+    )
+    if not (np.isfinite(found.given).all() and np.isfinite(found.draws).all()):
+        raise damaged(path, "a pose has a value that is not finite")
+    return found
 
 
 def read_best(path: Path) -> tuple[Coloring, float]:

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from prf.coloring import Coloring, Draws, occupied_polygons
 from prf.logs import PointTable, Readings
 from prf.logs.arrays import as_paths, checked
+from prf.poses.posterior import Trajectory
 from prf.run import names
 from prf.run.model import PosteriorImage, Progress
 from prf.shell.errors import InputError
@@ -80,6 +81,8 @@ class Run:
         None too where the run used no point observations.
     way : (k, 4) float64
         Pieces of the way driven that was held free: ends x0, y0, x1, y1 in metres.
+    trajectory : Trajectory or None
+        The poses that were sampled with the map; None where they were fixed. Readings are at the given ones.
     best : Coloring or None
         The map of highest log posterior among the states that any chain recorded.
     best_log_posterior : float
@@ -104,6 +107,7 @@ class Run:
     sonar: Readings | None = None
     points: PointTable | None = None
     way: NDArray[np.float64] = dataclasses.field(default_factory=lambda: np.empty((0, 4)))
+    trajectory: Trajectory | None = None
     best: Coloring | None = None
     best_log_posterior: float = float("nan")
     diagnostics: dict[str, Any] | None = None
@@ -127,6 +131,13 @@ class Run:
     def sensors(self) -> Readings | None:
         """The readings that show the sensor's path: the laser's if there are any."""
         return self.laser if self.laser is not None else self.sonar
+
+    @property
+    def path_xy(self) -> NDArray[np.float64]:
+        """The way of the robot (n, 2), metres: posterior means of sampled poses, or else the sensor's path."""
+        if self.trajectory is not None:
+            return self.trajectory.mean[:, :2]
+        return np.zeros((0, 2)) if self.sensors is None else self.sensors.sensor_path()
 
     @property
     def name(self) -> str:

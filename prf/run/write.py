@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from prf.logs import Readings
+from prf.poses.posterior import Trajectory
 from prf.run import names
 from prf.run.mapfile import map_text
 from prf.run.model import PosteriorImage
@@ -21,7 +23,7 @@ from prf.shell.jsonout import dump_object
 from prf.shell.outputs import is_leftover, remove_leftovers
 from prf.shell.storage import save_arrays
 
-FILES = (names.MANIFEST, names.CHECKPOINT, names.PICTURE, *names.SCHEMAS)
+FILES = (names.MANIFEST, names.CHECKPOINT, names.PICTURE, names.TRAJECTORY, *names.SCHEMAS)
 """All that a RUN directory may hold, the manifest first: without it the others are no run."""
 
 
@@ -39,6 +41,8 @@ def write_run(path: str | os.PathLike[str], run: Run) -> None:
         write_image(folder, run.image)
     if any(part is not None for part in (run.laser, run.sonar, run.points)):
         write_readings(folder, run)
+    if run.trajectory is not None:
+        write_trajectory(folder, run.trajectory)
     if run.best is not None:
         write_best(folder, run)
     if run.diagnostics is not None:
@@ -152,6 +156,28 @@ def _arrays_of(readings: Readings) -> dict[str, NDArray[Any]]:
         "scan": readings.scan,
         "max_range": np.array(readings.max_range),
     }
+
+
+def write_trajectory(folder: Path, found: Trajectory) -> None:
+    """Write poses.npz, and trajectory.csv once there are draws."""
+    arrays = {
+        "scan": found.scan.astype(np.int64),
+        "time": found.time.astype(np.float64),
+        "given": found.given.astype(np.float64),
+        "draws": found.draws.astype(np.float32),
+    }
+    save_arrays(folder / names.POSES, names.SCHEMAS[names.POSES], arrays)
+    if len(found.draws):
+        with atomic_write(folder / names.TRAJECTORY) as stream:
+            stream.writelines(f"{line}\n" for line in trajectory_lines(found))
+
+
+def trajectory_lines(found: Trajectory) -> Iterator[str]:
+    """Yield the lines of trajectory.csv: posterior mean and standard deviation of each pose, to the last bit."""
+    yield names.TRAJECTORY_HEADER
+    rows = np.column_stack([found.time, found.mean, found.sd]).tolist()
+    for scan, row in zip(found.scan.tolist(), rows, strict=True):
+        yield ",".join([str(scan), *("" if math.isnan(value) else repr(value) for value in row)])
 
 
 def write_best(folder: Path, run: Run) -> None:

@@ -13,9 +13,11 @@ from prf.coloring import Coloring, Draws
 from prf.inspection import inspect_files
 from prf.run import Run, read_map_feature, read_run, write_run
 from prf.run.names import SCHEMAS
+from prf.run.write import remove_stale_outputs
 from prf.shell.errors import InputError, OutputError
+from prf.shell.trajectory import read_trajectory
 from prf.window import Window
-from tests.factories import WINDOW, make_run
+from tests.factories import WINDOW, make_run, make_trajectory
 
 
 def assert_same_draws(a: Draws, b: Draws) -> None:
@@ -97,6 +99,48 @@ def test_a_run_interrupted_before_its_first_draw_is_valid(tmp_path: Path) -> Non
     }
 
 
+@pytest.fixture
+def moved() -> Run:
+    run = make_run()
+    assert run.laser is not None
+    return replace(run, trajectory=make_trajectory(run.laser, len(run.draws)))
+
+
+def test_sampled_poses_round_trip_and_their_means_are_a_table(tmp_path: Path, moved: Run) -> None:
+    write_run(tmp_path, moved)
+    written, read = moved.trajectory, read_run(tmp_path).trajectory
+    assert written is not None
+    assert read is not None
+    for name in ("scan", "time", "given", "draws"):
+        np.testing.assert_array_equal(getattr(written, name), getattr(read, name))
+    header, *rows = (tmp_path / "trajectory.csv").read_text().splitlines()
+    assert header == "scan,t,x,y,theta,sd_x,sd_y,sd_theta"
+    table = np.array([[float(field) for field in row.split(",")] for row in rows])
+    np.testing.assert_array_equal(table, np.column_stack([read.scan, read.time, read.mean, read.sd]))
+    poses = read_trajectory(str(tmp_path / "trajectory.csv"))
+    np.testing.assert_allclose(poses.poses[:, :2, 3], read.mean[:, :2])
+    states = {state.name: state.summary for state in inspect_files(tmp_path)}
+    assert states["poses.npz"].startswith("12 draws; 5 poses corrected by 5")
+    assert states["trajectory.csv"] == "5 poses, mean and standard deviation"
+
+
+def test_poses_without_times_or_draws(tmp_path: Path, moved: Run) -> None:
+    assert moved.trajectory is not None
+    early = replace(moved.trajectory, time=np.full(5, np.nan), draws=moved.trajectory.draws[:0])
+    write_run(tmp_path, replace(moved, trajectory=early))
+    assert not (tmp_path / "trajectory.csv").exists()
+    np.testing.assert_array_equal(read_run(tmp_path).path_xy, early.given[:, :2])
+    write_run(tmp_path, replace(moved, trajectory=replace(moved.trajectory, time=early.time)))
+    assert (tmp_path / "trajectory.csv").read_text().splitlines()[1].startswith("0,,")
+    remove_stale_outputs(tmp_path)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_fixed_poses_leave_no_file(folder: Path) -> None:
+    assert not {"poses.npz", "trajectory.csv"} & {path.name for path in folder.iterdir()}
+    assert not {"poses.npz", "trajectory.csv"} & {state.name for state in inspect_files(folder)}
+
+
 def test_only_the_requested_parts_are_read(folder: Path) -> None:
     (folder / "posterior.npz").write_bytes(b"broken")
     read = read_run(folder, parts=("map.geojson",))
@@ -143,8 +187,9 @@ def test_a_damaged_file_is_named(folder: Path, name: str, damage: bytes) -> None
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("name", ["draws.npz", "posterior.npz", "readings.npz"])
-def test_a_truncated_file_is_named(folder: Path, name: str) -> None:
+@pytest.mark.parametrize("name", ["draws.npz", "posterior.npz", "readings.npz", "poses.npz"])
+def test_a_truncated_file_is_named(folder: Path, moved: Run, name: str) -> None:
+    write_run(folder, moved)
     whole = (folder / name).read_bytes()
     for size in (10, len(whole) // 2, len(whole) - 3):
         (folder / name).write_bytes(whole[:size])
@@ -249,7 +294,8 @@ def test_windows_far_from_the_origin_round_trip(tmp_path: Path) -> None:
     assert edge_set(read) == edge_set(best)
 
 
-def test_every_array_and_file_is_documented(folder: Path, project_root: Path) -> None:
+def test_every_array_and_file_is_documented(folder: Path, moved: Run, project_root: Path) -> None:
+    write_run(folder, moved)
     text = (project_root / "docs" / "file-formats.md").read_text()
     for name, schema in SCHEMAS.items():
         section = text.partition(f"### {name}\n")[2].partition("\n##")[0]

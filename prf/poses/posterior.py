@@ -1,0 +1,112 @@
+"""A trajectory that was sampled: what its draws say of each pose, and figures to judge it by."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from prf.poses.plane import Floats, wrapped
+
+CHI2_95 = 5.991464547107979
+"""Quantile 0.95 of chi-squared with two degrees of freedom."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Trajectory:
+    """Poses that were sampled with the map.
+
+    Attributes
+    ----------
+    scan : (n,) int64
+        Number in its log of the scan that has the pose.
+    time : (n,) float64
+        Seconds; nan where unknown.
+    given : (n, 3) float64
+        Poses as they were given: x, y in metres, heading in radians counter-clockwise.
+    draws : (n_draws, n, 3) float32
+        Poses of each draw, less the given ones; headings in [-pi, pi).
+    """
+
+    scan: NDArray[np.int64]
+    time: Floats
+    given: Floats
+    draws: NDArray[np.float32]
+
+    @cached_property
+    def correction(self) -> Floats:
+        """Posterior mean less the given poses (n, 3), of headings the circular mean; 0 where there are no draws."""
+        if not len(self.draws):
+            return np.zeros_like(self.given)
+        mean = self.draws.mean(axis=0, dtype=np.float64)
+        turn = self.draws[:, :, 2].astype(np.float64)
+        mean[:, 2] = np.arctan2(np.sin(turn).mean(axis=0), np.cos(turn).mean(axis=0))
+        return mean
+
+    @property
+    def mean(self) -> Floats:
+        """Posterior mean of each pose (n, 3); headings in [-pi, pi)."""
+        mean = self.given + self.correction
+        mean[:, 2] = wrapped(mean[:, 2])
+        return mean
+
+    @cached_property
+    def covariance(self) -> Floats:
+        """Posterior covariance of each pose (n, 3, 3), headings as turns from their mean; nan without draws."""
+        if not len(self.draws):
+            return np.full((len(self.given), 3, 3), np.nan)
+        error = self.draws - self.correction
+        error[:, :, 2] = wrapped(error[:, :, 2])
+        return np.asarray(np.einsum("dni,dnj->nij", error, error) / len(error))
+
+    @property
+    def sd(self) -> Floats:
+        """Posterior standard deviation of each pose (n, 3): metres, metres, radians."""
+        return np.sqrt(np.diagonal(self.covariance, axis1=1, axis2=2))
+
+    def ellipses(self) -> Floats:
+        """Return the half axes (n, 2, 2), metres, of ellipses round the means that hold each place at 95 %."""
+        length2, direction = np.linalg.eigh(self.covariance[:, :2, :2])
+        return np.asarray(np.sqrt(CHI2_95 * np.maximum(length2, 0.0))[:, :, None] * direction.transpose(0, 2, 1))
+
+    def figures(self) -> dict[str, float]:
+        """Return the number of poses, how far the means are from the given poses (rms), and how well they are known.
+
+        `mean_sd_m`: mean over the poses of the root mean square distance of draws from the mean.
+        """
+        moved, turned = np.hypot(*self.correction[:, :2].T), self.correction[:, 2]
+        return {
+            "n": len(self.given),
+            "rms_correction_m": math.sqrt((moved**2).mean()),
+            "rms_correction_rad": math.sqrt((turned**2).mean()),
+            "mean_sd_m": float(np.hypot(*self.sd[:, :2].T).mean()),
+            "mean_sd_rad": float(self.sd[:, 2].mean()),
+        }
+
+    def words(self) -> str:
+        """Return in words what :meth:`figures` has."""
+        n, moved, turned, *known = self.figures().values()
+        corrected = f"{n} pose{'s' * (n > 1)} corrected by {_by(moved, turned)} (rms)"
+        return corrected + (f", known to {_by(*known)}" if len(self.draws) else "")
+
+
+def _by(metres: float, radians: float) -> str:
+    shown = [f"{value:.2g}" if value < 99.5 else f"{value:.0f}" for value in (100.0 * metres, math.degrees(radians))]
+    return f"{shown[0]} cm and {shown[1]} degrees"
+
+
+def pose_functionals(poses: Floats, given: Floats) -> dict[str, Floats]:
+    """Return what a trajectory is watched by for convergence, by name, of poses (..., n, 3): values (...).
+
+    How far it is from the given poses (n, 3), rms in metres, and of the first, the middle and the last pose each
+    coordinate less the given one.
+    """
+    offset = poses - given
+    found = {"pose_correction": np.sqrt((offset[..., :2] ** 2).sum(axis=-1).mean(axis=-1))}
+    for i in sorted({0, len(given) // 2, len(given) - 1}):
+        found |= {f"pose_{i}_x": offset[..., i, 0], f"pose_{i}_y": offset[..., i, 1]}
+        found[f"pose_{i}_heading"] = wrapped(offset[..., i, 2])
+    return found
