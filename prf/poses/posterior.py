@@ -41,7 +41,7 @@ class Trajectory:
         """Posterior mean less the given poses (n, 3), of headings the circular mean; 0 where there are no draws."""
         if not len(self.draws):
             return np.zeros_like(self.given)
-        mean = self.draws.mean(axis=0, dtype=np.float64)
+        mean: Floats = self.draws.mean(axis=0, dtype=np.float64)
         turn = self.draws[:, :, 2].astype(np.float64)
         mean[:, 2] = np.arctan2(np.sin(turn).mean(axis=0), np.cos(turn).mean(axis=0))
         return mean
