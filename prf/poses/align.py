@@ -1,0 +1,127 @@
+"""All scans aligned at once: points of one place and direction lie on one line, whoever saw them.
+
+The world is cut into squares, anew in every round; points of a square whose normals agree are taken for one wall, and
+poses move so that they lie on one line. Squares shrink as poses come to agree. Offsets of lines are eliminated, so that
+a round is one sparse linear system in the poses, as in bundle adjustment with planes (Liu, Zhang 2021).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import block_diag, coo_matrix, csc_matrix, csr_matrix
+from scipy.sparse.linalg import LinearOperator, cg, splu
+
+from prf.poses.graph import Pull
+from prf.poses.plane import Floats, compose
+from prf.poses.scans import Scans
+
+Ints = NDArray[np.int64]
+SECTORS = 8  # of the direction of normals
+ROUNDS = 24
+SETTLING = 8  # last rounds, all with the smallest squares; their mean is the result
+SMALLEST, LARGEST = 0.4, 1.5  # metres, sides of squares
+NARROW, WIDE = 0.1, 0.5  # metres, and share of the side: distance from a line at which a point counts a quarter
+BLUR = 0.3  # of that distance: what points stray besides the noise, lest wrong lines pull more than what is given
+STEP = np.array([0.3, 0.3, 0.1])  # m, m, rad: largest change of a pose in a round
+
+
+class Lines(NamedTuple):
+    """Points on common lines, linear in the changes of their states."""
+
+    owner: Ints  # (m,) state
+    line: Ints  # (m,) line
+    lever: Floats  # (m, 3) change of the distance from the line by a change of the state
+    distance: Floats  # (m,) metres
+    weight: Floats  # (m,) 1/m2
+    n_lines: int
+
+
+def align(scans: Scans, poses: Floats, pull: Pull, error: float, rng: np.random.Generator, reach: int = 0) -> Floats:
+    """Return poses (n, 3) at which the scans agree.
+
+    `error`: metres that points lie apart at first, about. `reach`: states before and after that a scan is aligned with;
+    0: all.
+    """
+    first = float(np.clip(4.0 * error, SMALLEST, LARGEST))
+    sides = np.r_[np.geomspace(first, SMALLEST, ROUNDS - SETTLING), np.full(SETTLING, SMALLEST)]
+    tolerances = np.r_[np.geomspace(WIDE * first, NARROW, ROUNDS - SETTLING), np.full(SETTLING, NARROW)]
+    settled = []
+    for side, tolerance in zip(sides, tolerances, strict=True):
+        lines = common_lines(scans, poses, side, tolerance, rng, reach)
+        change = _solve(lines, poses, pull)
+        poses = compose(poses, np.clip(change, -STEP, STEP))
+        settled.append(poses)
+    return np.asarray(np.mean(settled[-SETTLING:], axis=0))
+
+
+def dispersed(scans: Scans, poses: Floats, pull: Pull, rng: np.random.Generator) -> Floats:
+    """Return a draw (n, 3) from the normal approximation round aligned poses."""
+    lines = common_lines(scans, poses, SMALLEST, NARROW, rng)
+    push = rng.standard_normal(len(lines.weight)) / np.sqrt(lines.weight)
+    pushed = lines._replace(distance=lines.distance + push)
+    return compose(poses, _solve(pushed, poses, pull, rng))
+
+
+def common_lines(
+    scans: Scans, poses: Floats, side: float, tolerance: float, rng: np.random.Generator, reach: int = 0
+) -> Lines:
+    """Return the lines of squares of a side (m), laid at random, in which points of several states lie."""
+    world, normal = scans.at(poses)
+    column, row = np.floor((world + rng.uniform(0.0, side, 2)) / side).astype(np.int64).T
+    turn = np.arctan2(normal[:, 1], normal[:, 0]) + rng.uniform(0.0, 2.0 * np.pi)
+    sector = np.floor(turn * (SECTORS / (2.0 * np.pi))).astype(np.int64) % SECTORS
+    epoch = (scans.owner + rng.integers(2 * reach)) // (2 * reach) if reach else np.zeros_like(scans.owner)
+    line = _numbered(epoch, sector, column, row)
+    n = int(line.max(initial=-1)) + 1
+    sure = scans.weight / (1.0 + scans.weight * (BLUR * tolerance) ** 2)
+    weight = sure
+    for _ in range(3):
+        centre, across = _mean(line, world, weight, n), _mean(line, normal, weight, n)
+        across /= np.maximum(np.linalg.norm(across, axis=1), 1e-9)[:, None]
+        distance = np.einsum("ij,ij->i", across[line], world - centre[line])
+        weight = sure / np.square(1.0 + np.square(distance / tolerance))
+    own = poses[scans.owner, 2]
+    cosine, sine = np.cos(own), np.sin(own)
+    x, y = across[line].T
+    ahead, aside = cosine * x + sine * y, cosine * y - sine * x
+    lever = np.column_stack([ahead, aside, scans.point[:, 0] * aside - scans.point[:, 1] * ahead])
+    return Lines(scans.owner, line, lever, distance, weight, n)
+
+
+def _numbered(*columns: Ints) -> Ints:
+    """Return for each row a number of its combination of values."""
+    key = np.zeros(len(columns[0]), np.int64)
+    for each in columns:
+        key = key * (int(np.ptp(each)) + 1) + each - each.min()
+    return np.unique(key, return_inverse=True)[1].astype(np.int64)
+
+
+def _mean(line: Ints, values: Floats, weight: Floats, n: int) -> Floats:
+    total = np.bincount(line, weight, n)
+    return np.column_stack([np.bincount(line, weight * each, n) / total for each in values.T])
+
+
+def _solve(lines: Lines, poses: Floats, pull: Pull, rng: np.random.Generator | None = None) -> Floats:
+    """Return the changes (n, 3) that bring points to their lines; with `rng` what holds the poses is disturbed."""
+    n = len(poses)
+    held, right = pull.equations(poses, rng)
+    weighed = lines.weight[:, None] * lines.lever
+    blocks = np.stack(
+        [np.bincount(lines.owner, weighed[:, i] * lines.lever[:, j], n) for i in range(3) for j in range(3)]
+    )
+    own = csc_matrix(block_diag(list(blocks.T.reshape(n, 3, 3)))) + held
+    mass = np.bincount(lines.line, lines.weight, lines.n_lines)
+    mean = np.bincount(lines.line, lines.weight * lines.distance, lines.n_lines) / mass
+    left = lines.distance - mean[lines.line]
+    for axis in range(3):
+        right[axis::3] -= np.bincount(lines.owner, weighed[:, axis] * left, n)
+    at = (3 * lines.owner[:, None] + np.arange(3)).ravel()
+    shared = coo_matrix((weighed.ravel(), (at, np.repeat(lines.line, 3))), shape=(3 * n, lines.n_lines)).tocsr()
+    back = csr_matrix(shared.T)
+    rough = splu(own)
+    matrix = LinearOperator((3 * n, 3 * n), lambda v: own @ v - shared @ ((back @ v) / mass), dtype=np.float64)
+    found, _ = cg(matrix, right, rtol=1e-3, maxiter=200, M=LinearOperator(matrix.shape, rough.solve, dtype=np.float64))
+    return np.asarray(found).reshape(n, 3)

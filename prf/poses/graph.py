@@ -1,0 +1,89 @@
+"""Graphs of relative poses: their linear equations, and the poses that fit best.
+
+Changes of a pose are those of its own frame: ahead, to the side (m) and turned (rad).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_matrix, csc_matrix
+
+from prf.poses.plane import Floats, seen_from, wrapped
+
+Ints = NDArray[np.int64]
+
+
+class Relations(NamedTuple):
+    """Measured poses of states `head` in the frames of states `tail`."""
+
+    tail: Ints  # (k,)
+    head: Ints  # (k,)
+    pose: Floats  # (k, 3)
+    root: Floats  # (k, 3, 3) square root of the information: the rows weigh errors to unit variance
+
+    def join(self, other: Relations) -> Relations:
+        """Return both."""
+        joined = (np.concatenate([mine, others]) for mine, others in zip(self, other, strict=True))
+        return Relations(*joined)
+
+    def select(self, mask: NDArray[np.bool_]) -> Relations:
+        """Return the chosen ones."""
+        return Relations(*(column[mask] for column in self))
+
+
+def errors(relations: Relations, poses: Floats) -> Floats:
+    """Return the errors (k, 3) of relations in standard deviations."""
+    error = seen_from(poses[relations.tail], poses[relations.head]) - relations.pose
+    error[:, 2] = wrapped(error[:, 2])
+    return np.asarray(np.einsum("kij,kj->ki", relations.root, error))
+
+
+def derivatives(relations: Relations, poses: Floats) -> tuple[Floats, Floats]:
+    """Return the derivatives (k, 3, 3) of the errors by changes of tails and of heads."""
+    seen = seen_from(poses[relations.tail], poses[relations.head])
+    by_tail, by_head = np.zeros((2, len(seen), 3, 3))
+    by_tail[:, [0, 1, 2], [0, 1, 2]] = -1.0
+    by_tail[:, 0, 2], by_tail[:, 1, 2] = seen[:, 1], -seen[:, 0]
+    cosine, sine = np.cos(seen[:, 2]), np.sin(seen[:, 2])
+    by_head[:, 0, 0], by_head[:, 0, 1], by_head[:, 1, 0], by_head[:, 1, 1] = cosine, -sine, sine, cosine
+    by_head[:, 2, 2] = 1.0
+    return relations.root @ by_tail, relations.root @ by_head
+
+
+class Pull(NamedTuple):
+    """What holds poses besides scans: given poses, and relations between poses."""
+
+    given: Floats  # (n, 3)
+    sharpness: Floats  # (n, 3) one over the standard deviations from the given poses; 0: free
+    relations: Relations
+
+    def equations(
+        self, poses: Floats, rng: np.random.Generator | None = None, weight: Floats | None = None
+    ) -> tuple[csc_matrix, Floats]:
+        """Return the normal matrix (3 n, 3 n) of the errors, and the right hand side (3 n,).
+
+        `weight` (k,): of the relations. With `rng` each error is disturbed by one standard deviation, so that what
+        solves the equations is a draw from the density.
+        """
+        n, relations = len(poses), self.relations
+        off = self.sharpness * seen_from(poses, self.given)
+        error = errors(relations, poses)
+        if rng is not None:
+            off += rng.standard_normal(off.shape)
+            error += rng.standard_normal(error.shape)
+        weight = np.ones(len(error)) if weight is None else weight
+        right = self.sharpness * off
+        sides, parts, axis = (relations.tail, relations.head), derivatives(relations, poses), np.arange(3)
+        rows, columns, values = [np.arange(3 * n)], [np.arange(3 * n)], [np.square(self.sharpness).ravel()]
+        for at, by in zip(sides, parts, strict=True):
+            np.add.at(right, at, -np.einsum("k,kij,ki->kj", weight, by, error))
+            for other, by_other in zip(sides, parts, strict=True):
+                block = np.einsum("k,kij,kil->kjl", weight, by, by_other)
+                rows.append(np.broadcast_to(3 * at[:, None, None] + axis[:, None], block.shape).ravel())
+                columns.append(np.broadcast_to(3 * other[:, None, None] + axis, block.shape).ravel())
+                values.append(block.ravel())
+        place = (np.concatenate(rows), np.concatenate(columns))
+        return coo_matrix((np.concatenate(values), place), shape=(3 * n, 3 * n)).tocsc(), right.ravel()

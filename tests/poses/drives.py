@@ -1,0 +1,43 @@
+"""Scans of a robot that drives through rooms, for tests of trajectories."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from prf.logs import LogNotes, Readings, ScanTable
+from prf.poses.plane import compose
+from prf.simulate.laser import LaserPhysics, simulate_laser
+
+
+def box(x0, y0, x1, y1):
+    return [(x0, y0, x1, y0), (x1, y0, x1, y1), (x1, y1, x0, y1), (x0, y1, x0, y0)]
+
+
+ROOM = np.array([*box(0, 0, 8, 6), *box(2.5, 2.0, 3.3, 3.4), *box(5.5, 3.5, 6.5, 4.0)])
+
+
+def readings_at(walls, truth, given, seed=0, n_beams=90):
+    """Return the scans of a laser at true poses (n, 3), as a log has them that takes the robot to be at given ones."""
+    physics = LaserPhysics(beams=n_beams, max_range=12.0)
+    ranges = simulate_laser(np.asarray(walls, float), truth, physics, np.random.default_rng(seed))
+    n = np.arange(len(truth))
+    beams = np.stack([np.zeros_like(ranges), np.zeros_like(ranges), np.tile(physics.bearings, (len(n), 1))], axis=-1)
+    world = compose(given[:, None], beams).reshape(-1, 3)
+    table = ScanTable(n, n + 1, np.full(len(n), n_beams), np.zeros(len(n), int), given, n.astype(float))
+    readings = Readings.from_arrays(
+        world[:, :2],
+        world[:, 2],
+        ranges.ravel(),
+        scan=np.repeat(n, n_beams),
+        time=np.repeat(n.astype(float), n_beams),
+        notes=LogNotes(scans=table),
+    )
+    return readings.within(physics.max_range)
+
+
+def off(found, truth):
+    """Return the root mean square distance of poses from the truth, aligned with it, metres."""
+    a, b = found[:, :2] - found[:, :2].mean(axis=0), truth[:, :2] - truth[:, :2].mean(axis=0)
+    turn = np.angle(np.sum((b[:, 0] + 1j * b[:, 1]) * (a[:, 0] - 1j * a[:, 1])))
+    left = np.exp(1j * turn) * (a[:, 0] + 1j * a[:, 1]) - (b[:, 0] + 1j * b[:, 1])
+    return float(np.sqrt(np.mean(np.abs(left) ** 2)))
