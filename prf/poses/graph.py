@@ -26,12 +26,12 @@ class Relations(NamedTuple):
 
     def join(self, other: Relations) -> Relations:
         """Return both."""
-        joined = (np.concatenate([mine, others]) for mine, others in zip(self, other, strict=True))
-        return Relations(*joined)
+        pairs = [np.concatenate(pair) for pair in zip(self, other, strict=True)]
+        return Relations(pairs[0], pairs[1], pairs[2], pairs[3])
 
     def select(self, mask: NDArray[np.bool_]) -> Relations:
         """Return the chosen ones."""
-        return Relations(*(column[mask] for column in self))
+        return Relations(self.tail[mask], self.head[mask], self.pose[mask], self.root[mask])
 
 
 def errors(relations: Relations, poses: Floats) -> Floats:
