@@ -23,6 +23,7 @@ from prf.posterior import Settings
 from prf.sampler.chain import ChainSampler
 from prf.sampler.chains import Sampler
 from prf.sampler.driver import StopRule, rounds
+from prf.sampler.poses import PoseTurns
 from prf.sampler.record import Record
 from prf.shell.errors import ConfigError
 
@@ -76,7 +77,7 @@ class BestMap(Record):
         self.scale = scale
         self.score = -np.inf
 
-    def take(self, chain: Chain) -> None:
+    def take(self, chain: Chain, poses: PoseTurns | None = None) -> None:
         """Keep the present map if it is the best."""
         graph, scale = chain.graph, self.scale
         prior = graph.counts[c.EDGES] * np.log(scale) - 2.0 * scale * graph.sums[c.TOTAL_LENGTH]

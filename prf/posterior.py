@@ -16,6 +16,7 @@ from prf.kernels.grid import make_grid
 from prf.kernels.points import Points, Y
 from prf.layout import make_graph, make_guards, make_image, make_index, make_proposal, make_sites, make_targets
 from prf.logs import PointTable, Readings
+from prf.poses.model import PoseModel
 from prf.sensors.laser import LaserModel, make_beams, make_rays
 from prf.sensors.points import PointModel, make_points, paint
 from prf.sensors.sonar import SonarModel, make_cones, make_poses
@@ -117,6 +118,7 @@ class Settings:
     # (k, 4): pieces of the way that was driven (:func:`prf.driven.way_of`), metres
     way: Floats = dataclasses.field(default_factory=lambda: np.zeros((0, 4)))
     driven_radius: float = 0.0  # of the disc that was free all along it, metres
+    poses: PoseModel | None = None  # uncertain ones; readings are then those at the poses where chains start
 
     def density(self) -> Floats:
         """Return what the kernels sample: the posterior (``prf.kernels.constants``), occupied sensors forbidden."""

@@ -97,6 +97,17 @@ class PoseModel:
     laser: LocalReadings | None = None
     sonar: LocalReadings | None = None
 
+    def placed(self, laser: Readings | None, sonar: Readings | None, poses: Floats) -> list[Readings | None]:
+        """Return readings of a laser and a sonar, those of this model, as they are with the states at `poses`."""
+        found: list[Readings | None] = []
+        for local, readings in ((self.laser, laser), (self.sonar, sonar)):
+            if local is None or readings is None:
+                found.append(readings)
+                continue
+            origin, angle = local.at(poses)
+            found.append(dataclasses.replace(readings, origin=origin, angle=angle))
+        return found
+
 
 class _States(NamedTuple):
     """Scans of one log of which readings are used."""

@@ -15,7 +15,8 @@ from prf.kernels.chain import Chain
 from prf.layout import make_image, read_coloring, run_chain
 from prf.posterior import Settings, make_chain, one_colour_map
 from prf.sampler.chain_map import copied, with_map
-from prf.sampler.prior_ground import prior_ground
+from prf.sampler.poses import PoseTurns
+from prf.sampler.prior_ground import PriorGround, prior_ground
 from prf.sampler.record import FIRST_THIN, ImageTimes, Record, burn_in
 from prf.sampler.starts import find_start_map
 from prf.sampler.targets import Doubts, focus_of
@@ -75,6 +76,10 @@ class ChainSampler:
         self.tempering: Tempering | None = None
         focus = focus_of(settings, self.chain)
         self._advance: Advance = run_chain if focus is None else focus.run_to
+        self.poses: PoseTurns | None = None
+        if settings.poses is not None:
+            self.poses = PoseTurns(settings, self.chain, self._advance)
+            self._advance = self.poses.run_to
 
     def make_record(self, probes: NDArray[np.int64]) -> Record:
         """Return what keeps the draws of the chain; `probes` (n_probes,) are pixels whose colour is kept with them."""
@@ -128,10 +133,12 @@ class ChainSampler:
         self.run_to(step)
         if self.step == self.times.next_start:
             self.times.rotate(self.chain.image, self.step)
-        self.record.take(self.chain)
+        self.record.take(self.chain, self.poses)
 
     def finish_block(self, steps: int) -> None:
         """Redraw ground that no reading concerns, in proportion to the `steps` of a block, and settle."""
+        if self.ground is not None and self.poses is not None:
+            self.ground = PriorGround(self.settings, self.chain)
         if self.ground is not None:
             self.chain = self.ground.refresh(self.chain, self.rng, int(self.ground.rate * steps))
         self.settle()
@@ -146,7 +153,9 @@ class ChainSampler:
             self.tempering.settle()
 
     def find_start(self, stop_requested: Callable[[], bool]) -> None:
-        """Before the first step: take the map that the chain shall start from."""
+        """Before the first step: take the map, and the poses, that the chain shall start from."""
+        if self.poses is not None:
+            self.chain = self.poses.place(self.chain, self.poses.state.pose.copy())
         if self.starts_from != "empty":
             start = find_start_map(self.starts_from, self.settings, self.rng, stop_requested)
             chain = with_map(self.chain, self.settings, start)
@@ -155,8 +164,14 @@ class ChainSampler:
                 chain = with_map(self.chain, self.settings, start)
             self.chain = chain._replace(image=make_image(start, chain.graph, self.settings.resolution))
         self._draw_ground(stop_requested)
+        self.measure_poses()
         if self.tempering is not None:
             self.tempering.start_at(read_coloring(self.chain.graph))
+
+    def measure_poses(self) -> None:
+        """Scale random walks of poses by the present map, if poses are uncertain."""
+        if self.poses is not None:
+            self.poses.measure(self.chain)
 
     def _draw_ground(self, stop_requested: Callable[[], bool]) -> None:
         """Draw what no reading concerns about as the prior has it, given the rest of the map."""

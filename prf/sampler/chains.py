@@ -17,6 +17,7 @@ from prf.configuration import Start
 from prf.convergence import Diagnosis, diagnose, disagree
 from prf.kernels import constants as c
 from prf.layout import image_grid, pixel_centres, run_chain
+from prf.poses.posterior import Trajectory, pose_functionals
 from prf.posterior import Settings
 from prf.run import PosteriorImage
 from prf.sampler.chain import ChainSampler
@@ -113,7 +114,11 @@ class Sampler:
 
     def compile(self) -> None:
         """Have the kernels compiled, or read from their cache, without a step; those of tiles come later."""
-        run_chain(self.chains[0].chain, self.chains[0].rng, self.step)
+        first = self.chains[0]
+        run_chain(first.chain, first.rng, self.step)
+        if first.poses is not None:
+            first.chain = first.poses.move(first.chain, first.rng, self.step)
+            first.measure_poses()
 
     def find_starts(self, stop_requested: Callable[[], bool]) -> None:
         """Before the first step: let every chain find where it starts (:mod:`prf.sampler.starts`)."""
@@ -132,6 +137,8 @@ class Sampler:
             list(self._pool.map(lambda chain: chain.advance(latest), self.chains))
         if is_due(before, self.step // self.chains[0].block):
             aim([chain.chain for chain in self.chains], [chain.doubts for chain in self.chains])
+            for chain in self.chains:
+                chain.measure_poses()
 
     def temper(self) -> None:
         """Put the planned temperature ladder on every chain; burn-in starts again. Without effect if it is there."""
@@ -172,7 +179,16 @@ class Sampler:
             return diagnose({name: np.zeros((len(recorded), 0)) for name in FUNCTIONALS}, unseen=self.unseen)
         named: dict[str, NDArray[Any]] = {name: values[:, :, i] for i, name in enumerate(FUNCTIONALS)}
         named |= {name: colours[:, :, i] for i, name in enumerate(self._probe_names)}
+        named |= self._pose_values(recorded)
         return diagnose(named, unseen=self.unseen)
+
+    def _pose_values(self, recorded: list[list[Draw]]) -> dict[str, NDArray[Any]]:
+        """Return what is followed of uncertain poses, each (n_chains, n_draws); nothing of certain ones."""
+        if self.settings.poses is None:
+            return {}
+        given = self.settings.poses.prior.given
+        offsets = np.array([[draw.poses for draw in draws] for draws in recorded], np.float32)
+        return pose_functionals(given + offsets.reshape(*offsets.shape[:2], *given.shape), given)
 
     @cached_property
     def _probe_names(self) -> list[str]:
@@ -187,6 +203,16 @@ class Sampler:
             return frozenset()
         probes = zip(self._probe_names, seen[self.probe_pixels].tolist(), strict=True)
         return frozenset({*EDGES_ANYWHERE, *(name for name, is_seen in probes if not is_seen)})
+
+    def trajectory(self) -> Trajectory | None:
+        """Return the poses of all draws after burn-in; None where poses are certain."""
+        model = self.settings.poses
+        if model is None:
+            return None
+        flat = [draw.poses for draws in self.recorded() for draw in draws]
+        offsets = np.array(flat, np.float32).reshape(len(flat), len(model.scan), 3)
+        owners = [None if part is None else part.owner for part in (model.laser, model.sonar)]
+        return Trajectory(model.scan, model.time, model.prior.given, offsets, *owners)
 
     def sample(self) -> Sample:
         """Return the draws of all chains after burn-in."""

@@ -14,6 +14,7 @@ from prf.coloring import Coloring, Draws
 from prf.kernels.chain import Chain
 from prf.kernels.image import count_edges, settle_all
 from prf.layout import read_coloring
+from prf.poses.model import LocalReadings, PoseModel, PosePrior
 from prf.posterior import Settings
 from prf.run import names
 from prf.sampler.chain import ChainSampler
@@ -27,6 +28,7 @@ from prf.shell.storage import damaged, load_arrays, save_arrays
 SCHEMA = names.CHECKPOINT_SCHEMA
 LADDER = ("powers", "tried", "rate_sum", "came_from_hottest")
 TIMES = ("black_time", "mixed_time")
+POSES = ("pose", "spread", "outcomes")
 DRAW_ARRAYS = ("vertex_offsets", "xy", "side", "edge_offsets", "edges", "anchor_black")
 
 Arrays = dict[str, NDArray[Any]]
@@ -35,6 +37,8 @@ Arrays = dict[str, NDArray[Any]]
 def save_checkpoint(folder: Path, sampler: Sampler, identity: str) -> None:
     """Write the state of all chains into the RUN directory `folder`; `identity` is that of the run."""
     arrays: Arrays = {"run": np.array(identity)}
+    if sampler.settings.poses is not None:
+        arrays |= prefixed("model.", model_arrays(sampler.settings.poses))
     for i, chain in enumerate(sampler.chains):
         arrays |= prefixed(f"chain{i}.", chain_arrays(chain))
     save_arrays(folder / names.CHECKPOINT, SCHEMA, arrays)
@@ -56,6 +60,28 @@ def load_checkpoint(folder: Path, sampler: Sampler, identity: str) -> None:
             restore(chain, under(f"chain{i}.", arrays))
     except (KeyError, ValueError, IndexError, TypeError, OverflowError) as error:
         raise damaged(path, f"does not fit this run: {error}") from error
+
+
+def model_arrays(model: PoseModel) -> Arrays:
+    """Return which poses are uncertain, their prior and their readings."""
+    arrays: Arrays = {"scan": model.scan, "time": model.time, "start": model.start}
+    arrays |= prefixed("prior.", model.prior._asdict())
+    for name, part in (("laser.", model.laser), ("sonar.", model.sonar)):
+        arrays |= {} if part is None else prefixed(name, part._asdict())
+    return arrays
+
+
+def load_pose_model(folder: Path) -> PoseModel:
+    """Return the uncertain poses of the run in a folder."""
+    path = folder / names.CHECKPOINT
+    arrays = under("model.", load_arrays(path, SCHEMA))
+    try:
+        parts = [under(name, arrays) for name in ("laser.", "sonar.")]
+        laser, sonar = (LocalReadings(**part) if part else None for part in parts)
+        prior = PosePrior(**under("prior.", arrays))
+        return PoseModel(prior, arrays["scan"], arrays["time"], arrays["start"], laser, sonar)
+    except (KeyError, TypeError) as error:
+        raise damaged(path, f"has no poses: {error}") from error
 
 
 def prefixed(prefix: str, arrays: Arrays) -> Arrays:
@@ -90,6 +116,8 @@ def chain_arrays(sampler: ChainSampler) -> Arrays:
     }
     if sampler.tempering is not None:
         arrays |= tempering_arrays(sampler.tempering)
+    if sampler.poses is not None:
+        arrays |= {f"poses.{name}": getattr(sampler.poses.state, name) for name in POSES}
     without = Coloring.empty(sampler.settings.window, False)
     draws = [
         draw if draw.step > sampler.burn_in else dataclasses.replace(draw, coloring=without) for draw in record.draws
@@ -100,6 +128,10 @@ def chain_arrays(sampler: ChainSampler) -> Arrays:
 
 def restore(sampler: ChainSampler, arrays: Arrays) -> None:
     """Put a fresh chain into a stored state: the graph as it was, all that follows from it recomputed."""
+    if sampler.poses is not None:
+        for name in POSES:
+            getattr(sampler.poses.state, name)[:] = arrays[f"poses.{name}"]
+        sampler.chain = sampler.poses.place(sampler.chain, arrays["poses.pose"])
     sampler.chain = restored_state(sampler.chain, sampler.rng, sampler.settings, arrays)
     restore_image(sampler, arrays)
     if sampler.tempering is not None:
@@ -121,14 +153,16 @@ def draw_arrays(draws: list[Draw], sampler: ChainSampler) -> Arrays:
         "step": np.array([draw.step for draw in draws], np.int64),
         "functionals": np.array([draw.functionals for draw in draws]).reshape(len(draws), n_functionals),
         "probe_black": np.array([draw.probe_black for draw in draws], np.bool_).reshape(len(draws), n_probes),
+        **({} if sampler.poses is None else {"poses": np.array([draw.poses for draw in draws], np.float32)}),
     }
 
 
 def restored_draws(arrays: Arrays, sampler: ChainSampler) -> list[Draw]:
     """Return the draws that :func:`draw_arrays` stored."""
     stored = Draws(sampler.settings.window, *(arrays[name] for name in DRAW_ARRAYS))
-    rows = zip(arrays["step"].tolist(), stored, arrays["functionals"], arrays["probe_black"], strict=True)
-    return [Draw(step, Coloring(*coloring), values, black) for step, coloring, values, black in rows]
+    poses = arrays.get("poses", np.full(len(arrays["step"]), None))
+    rows = zip(arrays["step"].tolist(), stored, arrays["functionals"], arrays["probe_black"], poses, strict=True)
+    return [Draw(step, Coloring(*coloring), values, black, at) for step, coloring, values, black, at in rows]
 
 
 def state_arrays(chain: Chain, rng: np.random.Generator) -> Arrays:

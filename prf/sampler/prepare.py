@@ -15,6 +15,7 @@ from prf.configuration import Configuration
 from prf.logs import Kind, PointTable, Readings, read_logs, read_point_data, thin, warn_of_spoiling
 from prf.logs.describe import default_max_range
 from prf.logs.poses import fields_of_view
+from prf.poses.model import PoseModel, pose_model
 from prf.posterior import LaserData, PointData, Settings, SonarData
 from prf.sampler.ground import driven_way, seen_cells
 from prf.sampler.tempering import AUTO_TEMPERATURES, LadderPlan
@@ -144,11 +145,19 @@ def prepare(
     """
     beams = None if laser is None else _beams(config, laser)
     cones = None if sonar is None else _cones(config, sonar)
+    given, whole = (beams, cones), None
+    if config.trajectory.is_uncertain and (beams is not None or cones is not None):
+        whole = _started(config, beams, cones)
+        beams, cones = whole.placed(beams, cones, whole.start)
+        driven = None if driven is None else [part for part in (beams, cones) if part is not None]
     sensors = [part for part in (beams, cones) if part is not None]
     window = _window(config, sensors, observed)
     n_outside = sum(int((~window.contains(part.origin, strictly=True)).sum()) for part in sensors)
-    inside, kept_cones = _inside(beams, window), _inside(cones, window)
-    kept_beams = None if inside is None else _thinned(config, inside, window)
+    rows, cone_rows = _rows_inside(beams, window), _rows_inside(cones, window)
+    inside, kept_cones = _chosen_rows(beams, rows), _chosen_rows(cones, cone_rows)
+    if inside is not None:
+        rows = rows[_thinned(config, inside, window)]
+    kept_beams = _chosen_rows(beams, rows)
     if sensors and kept_beams is None and kept_cones is None:
         source = " and ".join(log.source for log in (laser, sonar) if log is not None)
         raise InputError(f"{source}: no sensor stands inside the window. Check --window.")
@@ -162,6 +171,7 @@ def prepare(
         settings,
         way=driven_way(resolved.driven.radius, driven, sensors, window),
         seen=seen_cells(window, settings.resolution, inside, kept_cones, points),
+        poses=None if whole is None else _used(config, whole, given, rows, cone_rows),
     )
     n_points_outside = 0 if observed is None or points is None else len(observed.value) - len(points.value)
     n_thinned = 0 if inside is None or kept_beams is None else len(inside.range) - len(kept_beams.range)
@@ -178,8 +188,11 @@ def _resolved(
         "resolution": config.sampler.resolution or chosen_resolution(window),
         "start": config.sampler.start or ("empty" if beams is None else "grid"),
     }
+    if config.trajectory.is_uncertain and (config.sampler.is_tempered or config.sampler.tiles):
+        raise ConfigError("uncertain poses: their chains have neither tiles nor temperatures. Leave these out.")
     if config.sampler.tiles is None:
-        changes["tiles"] = 0 if config.sampler.is_tempered else chosen_tiles(window, n_readings)
+        is_whole = config.sampler.is_tempered or config.trajectory.is_uncertain
+        changes["tiles"] = 0 if is_whole else chosen_tiles(window, n_readings)
     if beams is not None:
         changes["max_range"] = beams.max_range
     if points is not None:
@@ -226,19 +239,46 @@ def _points(config: Configuration, observed: PointTable, window: Window) -> Poin
     return inside
 
 
-def _inside(readings: Readings | None, window: Window) -> Readings | None:
-    """Return the readings whose sensor is inside the window; None if there are none."""
-    if readings is None:
+def _rows_inside(readings: Readings | None, window: Window) -> NDArray[np.int64]:
+    """Return which readings have their sensor inside the window."""
+    return np.flatnonzero([] if readings is None else window.contains(readings.origin, strictly=True))
+
+
+def _chosen_rows(readings: Readings | None, rows: NDArray[np.int64]) -> Readings | None:
+    """Return these readings; None if there are none."""
+    if readings is None or len(rows) == 0:
         return None
-    inside = window.contains(readings.origin, strictly=True)
-    return readings.select(inside) if inside.any() else None
+    return readings if len(rows) == len(readings.range) else readings.select(rows)
 
 
-def _thinned(config: Configuration, beams: Readings, window: Window) -> Readings:
-    """Return the beams that thinning keeps."""
+def _thinned(config: Configuration, beams: Readings, window: Window) -> NDArray[np.int64]:
+    """Return which beams thinning keeps."""
     density = config.thinning.beam_density
-    kept = thin_beams(window, beams.origin, beams.angle, beams.range, beams.max_range, density)
-    return beams if len(kept) == len(beams.range) else beams.select(kept)
+    return thin_beams(window, beams.origin, beams.angle, beams.range, beams.max_range, density)
+
+
+def _started(config: Configuration, beams: Readings | None, cones: Readings | None) -> PoseModel:
+    """Return the uncertain poses of all readings, with where they start."""
+    trajectory = config.trajectory
+    found = pose_model(beams, cones, trajectory.pose_noise, trajectory.step_noise)
+    return found
+
+
+def _used(
+    config: Configuration,
+    whole: PoseModel,
+    given: tuple[Readings | None, Readings | None],
+    rows: NDArray[np.int64],
+    cone_rows: NDArray[np.int64],
+) -> PoseModel:
+    """Return the uncertain poses of readings in use, which start where they do among all."""
+    parts = _chosen_rows(given[0], rows), _chosen_rows(given[1], cone_rows)
+    found = pose_model(*parts, config.trajectory.pose_noise, config.trajectory.step_noise)
+    start = found.start.copy()
+    for local, before, chosen in ((found.laser, whole.laser, rows), (found.sonar, whole.sonar, cone_rows)):
+        if local is not None and before is not None:
+            start[local.owner] = whole.start[before.owner[chosen]]
+    return dataclasses.replace(found, start=start)
 
 
 def ladder_plan(config: Configuration) -> LadderPlan:

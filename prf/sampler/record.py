@@ -12,6 +12,7 @@ from prf.kernels import constants as c
 from prf.kernels.chain import Chain
 from prf.kernels.image import Image, settle_all
 from prf.layout import read_coloring
+from prf.sampler.poses import PoseTurns
 
 FIRST_THIN = 2000
 """Steps between two draws at the start."""
@@ -33,12 +34,13 @@ class Draw:
     coloring: Coloring
     functionals: NDArray[np.float64]
     probe_black: NDArray[np.bool_]  # (n_probes,)
+    poses: NDArray[np.float32] | None = None  # (n_poses, 3) less the given ones; None where poses are certain
 
 
-def functionals(chain: Chain) -> NDArray[np.float64]:
+def functionals(chain: Chain, log_pose_prior: float = 0.0) -> NDArray[np.float64]:
     """Return the values (len(FUNCTIONALS),) of the present state of a chain."""
     counts, sums = chain.graph.counts, chain.graph.sums
-    log_posterior = sums[c.LOG_PRIOR] + sums[c.LOG_LIKELIHOOD]
+    log_posterior = sums[c.LOG_PRIOR] + sums[c.LOG_LIKELIHOOD] + log_pose_prior
     return np.array(
         [counts[c.EDGES], sums[c.TOTAL_LENGTH], sums[c.LOG_PRIOR], sums[c.LOG_LIKELIHOOD], log_posterior], np.float64
     )
@@ -53,12 +55,13 @@ class Record:
         self.draws: list[Draw] = []
         self.best: Draw | None = None
 
-    def take(self, chain: Chain) -> None:
+    def take(self, chain: Chain, poses: PoseTurns | None = None) -> None:
         """Record the chain's state if its step is one of those to record."""
         step = int(chain.graph.counts[c.STEP])
         if self.is_due(step):
             black = chain.image.black[self.probes].astype(np.bool_)
-            self.add(Draw(step, read_coloring(chain.graph), functionals(chain), black))
+            values = functionals(chain, 0.0 if poses is None else poses.log_prior)
+            self.add(Draw(step, read_coloring(chain.graph), values, black, None if poses is None else poses.offsets()))
 
     def is_due(self, step: int) -> bool:
         """Return whether the state at `step` is one to record."""

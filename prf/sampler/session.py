@@ -23,7 +23,7 @@ from prf.posterior import Settings
 from prf.run import PosteriorImage, Progress, Run, names, read_manifest, read_run, write_run
 from prf.run.write import make_folder, remove_half_written, remove_stale_outputs, remove_unfinished, write_manifest
 from prf.sampler.chains import Sampler
-from prf.sampler.checkpoint import load_checkpoint, save_checkpoint
+from prf.sampler.checkpoint import load_checkpoint, load_pose_model, save_checkpoint
 from prf.sampler.prepare import Prepared, describe_readings, ladder_plan, make_settings
 from prf.shell.errors import ConfigError, InputError, OutputError
 from prf.shell.manifest import describe_input, describe_process, versions
@@ -103,7 +103,12 @@ class Session:
         if run.manifest.get("versions") != versions():
             logger.warning("this run was begun with other versions of the packages: bit for bit may not hold")
         seen = None if run.image is None else run.image.seen
-        settings = dataclasses.replace(make_settings(config, run.laser, run.sonar, run.points), seen=seen, way=run.way)
+        model, laser, sonar = None, run.laser, run.sonar
+        if config.trajectory.is_uncertain:
+            model = load_pose_model(folder)
+            laser, sonar = model.placed(laser, sonar, model.start)
+        settings = make_settings(config, laser, sonar, run.points)
+        settings = dataclasses.replace(settings, seen=seen, way=run.way, poses=model)
         process = {key: run.manifest[key] for key in PROCESS_KEYS if key in run.manifest}
         seconds = float(run.manifest.get("seconds", 0.0))
         sampler = make_sampler(config, settings, stored_seed, threads)
@@ -186,15 +191,19 @@ class Session:
         """Return the run so far: its draws and its image."""
         sampler, settings = self.sampler, self.sampler.settings
         best, image = sampler.best(), sampler.image()
+        laser, sonar = (None if part is None else part.readings for part in (settings.laser, settings.sonar))
+        if settings.poses is not None:
+            laser, sonar = settings.poses.placed(laser, sonar, settings.poses.prior.given)
         return Run(
             manifest=self._manifest(),
             **sampler.sample()._asdict(),
             probe_xy=sampler.probe_xy,
             image=image,
-            laser=None if settings.laser is None else settings.laser.readings,
-            sonar=None if settings.sonar is None else settings.sonar.readings,
+            laser=laser,
+            sonar=sonar,
             points=None if settings.points is None else settings.points.table,
             way=settings.way,
+            trajectory=sampler.trajectory(),
             best=None if best is None else best.coloring,
             best_log_posterior=float("nan") if best is None else float(best.functionals[-1]),
             diagnostics=self._diagnostics(image),

@@ -1,0 +1,198 @@
+"""Uncertain poses of a chain: turns in which they move, between those in which the map does (docs/poses.md).
+
+Given the poses, the map is sampled as ever. Given the map, poses move, and at times the map with them; then the lists
+of beams, cones and sensors are laid out anew.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from prf.kernels import constants as c
+from prf.kernels.build import recompute_sums, trace_all
+from prf.kernels.chain import Chain
+from prf.kernels.cones import N_POSE, READING
+from prf.kernels.pose_match import measure_spread
+from prf.kernels.pose_turn import run_poses
+from prf.kernels.poses import LOG_POSE_PRIOR, N_LOCAL, N_POSE_SUMS, POSE_MOVES, WARP, Poses, place_readings
+from prf.kernels.sonar import SONAR_MAX
+from prf.layout import make_sites
+from prf.poses.model import LocalReadings, PoseModel
+from prf.poses.plane import wrapped
+from prf.posterior import NO_LASER, NO_SONAR, Settings, poses_of, rays_of
+from prf.sampler.chain_map import repaint, settle_image
+from prf.sensors.laser import make_beams
+from prf.sensors.sonar import make_cones
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+MAP_STEPS = 8_000
+"""Steps of the map in a cycle."""
+STEPS_PER_POSE = 4
+LEAST_POSE_STEPS = 200
+MOST_POSE_STEPS = 4_000
+"""Steps of poses in a cycle."""
+WARPS = 6.0
+"""Steps of poses in a cycle that move the map with them, about."""
+FIRST_SPREAD = 0.1
+"""Of what a pose may vary by, over the errors of the given ones, before it was measured."""
+
+
+Runs = Callable[[Chain, np.random.Generator, int], Chain]
+"""How the map of a chain gets to a step."""
+
+
+class PoseTurns:
+    """The poses of one chain and how they move; `state` is what the kernels hold."""
+
+    def __init__(self, settings: Settings, chain: Chain, advance_map: Runs) -> None:
+        assert settings.poses is not None
+        self.settings, self._advance_map = settings, advance_map
+        self.state = make_poses(settings, settings.poses, chain)
+        n = len(self.state.pose)
+        self.pose_steps = int(np.clip(STEPS_PER_POSE * n, LEAST_POSE_STEPS, MOST_POSE_STEPS))
+        self.warps = WARPS / self.pose_steps
+
+    @property
+    def log_prior(self) -> float:
+        """Log prior of the present poses, up to a constant."""
+        return float(self.state.sums[LOG_POSE_PRIOR])
+
+    def run_to(self, chain: Chain, rng: np.random.Generator, step: int) -> Chain:
+        """Run a chain up to `step`: so many steps of the map, so many of poses, over and over."""
+        cycle = MAP_STEPS + self.pose_steps
+        while chain.graph.counts[c.STEP] < step:
+            now = int(chain.graph.counts[c.STEP])
+            begun = now - now % cycle
+            if now < begun + MAP_STEPS:
+                chain = self._advance_map(chain, rng, min(step, begun + MAP_STEPS))
+            else:
+                chain = self.move(chain, rng, min(step, begun + cycle))
+        return chain
+
+    def move(self, chain: Chain, rng: np.random.Generator, step: int) -> Chain:
+        """Move the poses of a chain up to `step`, and lay its readings out anew."""
+        graph, index, state = chain.graph, chain.edge_index, self.state
+        if chain.image.black.size > 0:
+            settle_image(chain)
+        warped = int(state.outcomes[WARP, c.ACCEPTED])
+        names = ("vertex_xy", "vertex_sine", "edge_xy", "edge_length")
+        trial = graph._replace(**{name: getattr(graph, name).copy() for name in names})
+        trial_index = index._replace(cell_count=index.cell_count.copy(), cell_edges=index.cell_edges.copy())
+        run_poses(chain, trial, trial_index, state, self.warps, step, rng)
+        chain = self.laid_out(chain)
+        recompute_sums(chain)
+        if state.outcomes[WARP, c.ACCEPTED] > warped:
+            repaint(chain)
+        return chain
+
+    def place(self, chain: Chain, pose: Floats) -> Chain:
+        """Put the poses of a chain at `pose` (n, 3), and all its readings with them."""
+        self.state.pose[:] = pose
+        chain = self.laid_out(chain)
+        trace_all(chain)
+        recompute_sums(chain)
+        return chain
+
+    def laid_out(self, chain: Chain) -> Chain:
+        """Return the chain with beams, cones and sensors listed where they are now; sums must follow."""
+        grid, capacity, settings = chain.edge_index.grid, len(chain.graph.edge_length), self.settings
+        laser, sonar = settings.laser or NO_LASER, settings.sonar or NO_SONAR
+        # Once more from the poses alone: what was added up on the way depends on it.
+        maximum = float(chain.cones.model[SONAR_MAX])
+        place_readings(self.state, chain.graph.window, chain.beams.model, maximum, chain.beams.ray, chain.cones.pose)
+        beams = make_beams(grid, laser.model, chain.beams.ray, capacity, settings.levels)
+        return chain._replace(
+            beams=beams._replace(impact_edge=chain.beams.impact_edge),
+            cones=make_cones(grid, sonar.model, chain.cones.pose, capacity),
+            sensors=make_sites(grid, np.concatenate([self.sites(), settings.way[:, :2], settings.way[:, 2:]])),
+        )
+
+    def sites(self) -> Floats:
+        """Return where sensors are now, (n_sites, 2) in metres."""
+        state = self.state
+        owner = np.repeat(np.arange(len(state.pose)), np.diff(state.site_start))
+        local = LocalReadings(owner.astype(np.int32), state.site_local, np.zeros(len(owner)))
+        return local.at(state.pose)[0]
+
+    def offsets(self) -> NDArray[np.float32]:
+        """Return the present poses less the given ones (n, 3), headings in [-pi, pi)."""
+        offset = self.state.pose - self.state.given
+        offset[:, 2] = wrapped(offset[:, 2])
+        return np.asarray(offset, np.float32)
+
+    def measure(self, chain: Chain) -> None:
+        """Scale random walks by what poses may vary by on the present map."""
+        measure_spread(chain.graph, chain.edge_index, chain.beams, self.state)
+
+
+def make_poses(settings: Settings, model: PoseModel, chain: Chain) -> Poses:
+    """Lay out the poses of a chain at the start of their model."""
+    prior, n = model.prior, len(model.start)
+    beams = _by_pose(model.laser, n)
+    cones = _by_pose(model.sonar, n)
+    site_start, site_local = _sites(model, n)
+    rays, cone_poses = rays_of(settings), poses_of(settings)
+    half = np.zeros(0) if settings.sonar is None else 0.5 * settings.sonar.readings.cone
+    room = chain.edge_index.grid.nx * chain.edge_index.grid.ny if len(half) else 1
+    spread = np.zeros((n, 6))
+    errors = np.where(np.isfinite(prior.noise), FIRST_SPREAD * prior.noise, 0.01)
+    spread[:, [0, 2, 5]] = errors[[0, 0, 1]]
+    reading = rays[beams.of, c.RANGE]
+    return Poses(
+        pose=model.start.copy(),
+        given=prior.given.copy(),
+        precision=1.0 / prior.noise**2,
+        motion=prior.motion.copy(),
+        weight=1.0 / prior.spread**2,
+        spread=spread,
+        beam_start=beams.start,
+        beam_of=beams.of,
+        beam_local=beams.local,
+        returned=(np.isfinite(reading) & (reading >= 0.0)).astype(np.uint8),
+        cone_start=cones.start,
+        cone_of=cones.of,
+        cone_local=cones.local,
+        cone_half=half[cones.of],
+        cone_reading=cone_poses[cones.of, READING],
+        site_start=site_start,
+        site_local=site_local,
+        new_pose=np.zeros((n, 3)),
+        new_ray=np.zeros((len(beams.of), c.N_RAY)),
+        new_edge=np.zeros(len(beams.of), np.int32),
+        new_cone=np.zeros((len(cones.of), N_POSE)),
+        cells=np.zeros(room, np.int32),
+        near=np.zeros(room),
+        work=np.zeros(48),
+        outcomes=np.zeros((len(POSE_MOVES), c.N_OUTCOMES), np.int64),
+        sums=np.zeros(N_POSE_SUMS),
+    )
+
+
+class _ByPose:
+    """Readings listed by their poses: `start` (n + 1,), `of` (n_readings,), `local` (n_readings, N_LOCAL)."""
+
+    def __init__(self, start: Ints, of: NDArray[np.int32], local: Floats) -> None:
+        self.start, self.of, self.local = start, of, local
+
+
+def _by_pose(readings: LocalReadings | None, n: int) -> _ByPose:
+    if readings is None:
+        return _ByPose(np.zeros(n + 1, np.int64), np.zeros(0, np.int32), np.zeros((0, N_LOCAL)))
+    of = np.argsort(readings.owner, kind="stable").astype(np.int32)
+    start = np.append(0, np.cumsum(np.bincount(readings.owner, minlength=n))).astype(np.int64)
+    angle = readings.angle[of]
+    return _ByPose(start, of, np.column_stack([readings.origin[of], np.cos(angle), np.sin(angle)]))
+
+
+def _sites(model: PoseModel, n: int) -> tuple[Ints, Floats]:
+    """Return where the distinct places of sensors of each pose begin (n + 1,), and these (n_sites, 2) on the robot."""
+    parts = [part for part in (model.laser, model.sonar) if part is not None]
+    rows = [np.column_stack([part.owner, np.round(part.origin, 9)]) for part in parts]
+    found = np.unique(np.concatenate([np.zeros((0, 3)), *rows]), axis=0)
+    start = np.searchsorted(found[:, 0], np.arange(n + 1))
+    return start.astype(np.int64), np.ascontiguousarray(found[:, 1:])
