@@ -9,7 +9,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from prf.poses.plane import Floats, wrapped
+from prf.logs import Readings
+from prf.poses.plane import Floats, compose, seen_from, wrapped
 
 CHI2_95 = 5.991464547107979
 """Quantile 0.95 of chi-squared with two degrees of freedom."""
@@ -29,12 +30,16 @@ class Trajectory:
         Poses as they were given: x, y in metres, heading in radians counter-clockwise.
     draws : (n_draws, n, 3) float32
         Poses of each draw, less the given ones; headings in [-pi, pi).
+    laser, sonar : (n_readings,) int32 or None
+        Number of the pose of each reading of the run; None where there are none of the kind.
     """
 
     scan: NDArray[np.int64]
     time: Floats
     given: Floats
     draws: NDArray[np.float32]
+    laser: NDArray[np.int32] | None = None
+    sonar: NDArray[np.int32] | None = None
 
     @cached_property
     def correction(self) -> Floats:
@@ -71,6 +76,12 @@ class Trajectory:
         """Return the half axes (n, 2, 2), metres, of ellipses round the means that hold each place at 95 %."""
         length2, direction = np.linalg.eigh(self.covariance[:, :2, :2])
         return np.asarray(np.sqrt(CHI2_95 * np.maximum(length2, 0.0))[:, :, None] * direction.transpose(0, 2, 1))
+
+    def moved(self, readings: Readings, owner: NDArray[np.int32]) -> Readings:
+        """Return readings at the given poses, numbered by `owner`, where the posterior means have them."""
+        given = np.column_stack([readings.origin, readings.angle])
+        found = compose(self.mean[owner], seen_from(self.given[owner], given))
+        return dataclasses.replace(readings, origin=found[:, :2].copy(), angle=found[:, 2].copy())
 
     def figures(self) -> dict[str, float]:
         """Return the number of poses, how far the means are from the given poses (rms), and how well they are known.
