@@ -53,7 +53,7 @@ def impacts(beams: Readings, caption: str, rays: bool = False) -> Panel:
         points = beams.impacts()
         size = float(np.clip(60.0 / max(len(points), 1) ** 0.5, 0.7, 2.5))
         axes.plot(*points.T, linestyle="none", marker="o", markersize=size, markeredgewidth=0, color=style.INK)
-        layers.draw_path(axes, beams)
+        layers.draw_path(axes, beams.sensor_path())
 
     return Panel(draw, caption)
 

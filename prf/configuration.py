@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any, ClassVar, Literal, Self
 
 from prf.arak import checked_scale
@@ -322,6 +322,10 @@ def load_configuration(
 ) -> Loaded[Configuration]:
     """Return what the options of a verb that reads `tables` ask for, see :func:`prf.shell.settings.load_options`."""
     loaded = load_options(Configuration, options, tables, defaults)
-    if loaded.settings.trajectory.is_uncertain and "driven.radius" not in loaded.sources:
-        return loaded._replace(settings=loaded.settings.replace(driven_radius=0.0))
-    return loaded
+    return loaded._replace(settings=without_way(loaded.settings, loaded.sources))
+
+
+def without_way(settings: Configuration, given: Collection[str]) -> Configuration:
+    """Return settings that take nothing from the way driven where poses are uncertain, unless its radius is `given`."""
+    is_free = "driven.radius" not in given and settings.driven.radius == Driven().radius
+    return settings.replace(driven_radius=0.0) if settings.trajectory.is_uncertain and is_free else settings

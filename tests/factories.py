@@ -73,7 +73,8 @@ def make_trajectory(readings: Readings, n_draws: int) -> Trajectory:
     given = np.column_stack([path, np.linspace(-3.0, 3.0, len(path))])
     noise = np.random.default_rng(3).normal(0.0, 0.01, (n_draws, *given.shape))
     draws = (noise + np.array([0.05, 0.0, 0.0])).astype(np.float32)
-    return Trajectory(np.unique(readings.scan), 100.0 + np.arange(len(path)), given, draws)
+    scan, owner = np.unique(readings.scan, return_inverse=True)
+    return Trajectory(scan, 100.0 + np.arange(len(path)), given, draws, owner.astype(np.int32))
 
 
 def make_run(seed: int = 1, n_draws: int = 12, window: Window = WINDOW, resolution: float = 1.0) -> Run:

@@ -22,7 +22,7 @@ from prf.api.science import (
     prepared_for,
     sources_in,
 )
-from prf.configuration import Configuration, Start
+from prf.configuration import Configuration, Start, without_way
 from prf.convergence import verdict
 from prf.run import Run
 from prf.run.write import is_unfinished
@@ -62,6 +62,8 @@ def sample(
     config: str | os.PathLike[str] | Configuration | Loaded[Configuration] | None = None,
     beam_density: float | None = None,
     driven_radius: float | None = None,
+    pose_noise: tuple[float, float] | None = None,
+    odometry: str | None = None,
     resolution: float | None = None,
     start: Start | None = None,
     temperatures: int | Literal["auto"] | None = None,
@@ -104,7 +106,13 @@ def sample(
     beam_density : float, optional
         Beams of a laser a square metre of seen ground to which a dense log is thinned (16); 0 keeps all.
     driven_radius : float, optional
-        Of the disc round the sensor that was free all along the way driven, metres (0.1); 0 takes nothing from the way.
+        Of the disc round the sensor that was free all along the way driven, metres (0.1; 0 where poses are uncertain);
+        0 takes nothing from the way.
+    pose_noise : (float, float), optional
+        Sample the poses with the map (``run.trajectory``): the given ones have independent errors with these standard
+        deviations, metres and radians (docs/poses.md).
+    odometry : {"precise", "wheels", "poor"}, optional
+        Sample the poses with the map: the given ones are odometry of this kind, whose errors add up along the way.
     resolution, start, temperatures, lowest_inverse_temperature, tiles, threads
         As the options of `prf sample`; tiles: 0 for none, None to choose; threads: 0 for one a core.
     progress : bool or callable
@@ -136,6 +144,8 @@ def sample(
         "chains": _at_least("chains", chains, 1),
         "beam_density": beam_density,
         "driven_radius": driven_radius,
+        "pose_noise": pose_noise,
+        "odometry": odometry,
         "resolution": resolution,
         "start": start,
         "temperatures": _at_least("temperatures", temperatures, 1),
@@ -144,7 +154,8 @@ def sample(
     }
     sources = by_kind(readings, sensors)
     requested = loaded_of(config)
-    science = config_of(requested.settings, prior, sensors, options)
+    asked = requested.sources if driven_radius is None else ("driven.radius",)
+    science = without_way(config_of(requested.settings, prior, sensors, options), asked)
     folder = None if output is None else Path(output)
     with _held(folder, force):
         used_seed = resolve_seed(seed)

@@ -1,4 +1,4 @@
-"""Write a map for other programs: GeoJSON, ROS map_server, SVG, DXF, netCDF."""
+"""Write a map for other programs: GeoJSON, ROS map_server, SVG, DXF, netCDF; or its trajectory: TUM."""
 
 from __future__ import annotations
 
@@ -32,6 +32,7 @@ class Format(StrEnum):
     svg = "svg"
     dxf = "dxf"
     netcdf = "netcdf"
+    tum = "tum"
 
 
 def export(
@@ -74,12 +75,12 @@ def export(
     json: Json = False,
     force: Force = False,
 ) -> None:
-    """Write a map for other programs: GeoJSON, ROS map_server, SVG, DXF, netCDF.
+    """Write a map for other programs: GeoJSON, ROS map_server, SVG, DXF, netCDF; or its trajectory: TUM.
 
     geojson, svg and dxf take the polygons of the best map, ros-map the posterior probability of each cell, netcdf the
-    values that were watched in every draw, for ArviZ. What no reading saw is unknown in a ros-map, and polygons end
-    half a metre beyond what was seen. ros-map writes two files, a yaml file and the image it names; it is the one
-    format for a GRID. dxf and netcdf need libraries: pip install '.[dxf,netcdf]'.
+    values that were watched in every draw, for ArviZ, tum the means of poses that were sampled. What no reading saw is
+    unknown in a ros-map, and polygons end half a metre beyond what was seen. ros-map writes two files, a yaml file and
+    the image it names; it is the one format for a GRID. dxf and netcdf need libraries: pip install '.[dxf,netcdf]'.
     """
     from prf.export import Options, export_source
     from prf.shell import jsonout

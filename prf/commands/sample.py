@@ -164,6 +164,8 @@ def _report(run: Run, folder: Path, json: bool, asked_steps: int | None) -> None
     }
     judged = ("converged", "converged_seen", "reason", "agreement", "suggested_seconds")
     result |= {name: run.diagnostics[name] for name in judged}
+    if run.trajectory is not None:
+        result["trajectory"] = run.trajectory.figures()
     if json:
         jsonout.emit_object("prf.sample/1", result)
         return
@@ -195,6 +197,8 @@ def _summary(run: Run, folder: Path, asked_steps: int | None) -> Iterator[str]:
         yield _ladders(diagnostics["tempering"])
     if not diagnostics["converged"] and (advice := _advice(run, folder)):
         yield advice
+    if run.trajectory is not None and len(run.trajectory.draws):
+        yield f"Trajectory: {run.trajectory.words()}; {folder}/trajectory.csv"
     yield f"picture   {folder}/posterior.png"
     if run.best:
         yield f"best map  {folder}/map.geojson"

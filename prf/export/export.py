@@ -17,18 +17,20 @@ from prf.export.drawings import dxf_text, paper_ratio, svg_text
 from prf.export.netcdf import netcdf_bytes
 from prf.export.ros_map import ros_map
 from prf.export.source import Source, read_source, require_existing, stem_of
+from prf.export.tum import trajectory_of, tum_text
 from prf.run import map_text
 from prf.shell.errors import UsageError
 from prf.shell.files import STREAM, encoded, open_output, together
 from prf.shell.outputs import exclusive, refuse_existing, refuse_inputs
 
-GEOJSON, ROS_MAP, SVG, DXF, NETCDF = FORMATS = ("geojson", "ros-map", "svg", "dxf", "netcdf")
+GEOJSON, ROS_MAP, SVG, DXF, NETCDF, TUM = FORMATS = ("geojson", "ros-map", "svg", "dxf", "netcdf", "tum")
 SUFFIXES = {
     GEOJSON: (".geojson", ".json"),
     ROS_MAP: (".yaml", ".yml", ".pgm"),
     SVG: (".svg",),
     DXF: (".dxf",),
     NETCDF: (".nc", ".netcdf"),
+    TUM: (".tum",),
 }
 """Suffixes of an output that name its format; the first one is that of an output without a name."""
 AGREED = 0.99
@@ -40,7 +42,8 @@ class Options:
     """How to export; None and False: not given."""
 
     format: str | None = None  # one of `FORMATS`; None: by the suffix of the output
-    # number of the draw of a RUN to export instead of its best map or its posterior image, from 0; -1 is the last
+    # number of the draw of a RUN to export instead of its best map, its posterior image or the mean of its poses, from
+    # 0; -1 is the last
     draw: int | None = None
     # of a ROS map: cells of a probability from the first to the second are unknown
     unknown: tuple[float, float] | None = None
@@ -74,7 +77,7 @@ class _Content(NamedTuple):
 
 
 def export_source(path: str | os.PathLike[str], output: str | None, options: Options, force: bool = False) -> Exported:
-    """Write a run, a grid or one map in the form of another program.
+    """Write a run, its trajectory, a grid or one map in the form of another program.
 
     `path`: RUN directory, GRID file or map in GeoJSON. `output`: where to; None: named after the source, in the working
     directory. ``-`` is standard output. `force`: overwrite an existing output.
@@ -119,8 +122,8 @@ def check_options(name: str, options: Options) -> None:
     for flag, given in only_ros.items():
         if given and name != ROS_MAP:
             raise UsageError(f"{flag} is for --format {ROS_MAP}, not {name}.")
-    if options.extrapolate is not None and name == NETCDF:
-        raise UsageError(f"--extrapolate is for maps, not for --format {NETCDF}.")
+    if options.extrapolate is not None and name in (NETCDF, TUM):
+        raise UsageError(f"--extrapolate is for maps, not for --format {name}.")
     if options.extrapolate is not None and not 0.0 <= options.extrapolate < float("inf"):
         raise UsageError(f"--extrapolate {options.extrapolate:g}: must be a number of metres, not negative.")
     if options.draw is not None and name == NETCDF:
@@ -164,6 +167,9 @@ def chains_notes(source: Source) -> tuple[str, ...]:
 def _content(name: str, source: Source, options: Options, files: tuple[str, ...]) -> _Content:
     if name == NETCDF:
         return _netcdf(source)
+    if name == TUM:
+        figures = trajectory_of(source).figures()
+        return _Content((tum_text(source, options.draw),), {"n_poses": figures.pop("n"), **figures})
     if name == ROS_MAP:
         return _ros_map(source, options, PurePath(files[1]).name)
     chosen = source.choose_map(options.draw)

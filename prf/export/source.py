@@ -16,7 +16,7 @@ from prf.shell.errors import InputError, UsageError
 from prf.shell.files import open_input
 from prf.window import Window
 
-PARTS = (names.POSTERIOR, names.MAP, names.DIAGNOSTICS)
+PARTS = (names.POSTERIOR, names.POSES, names.MAP, names.DIAGNOSTICS)
 KEPT = ("log_posterior", "draw", "chain", "step")
 """Properties of a map in a file that an export of it has too; the rest follows from the map."""
 STEM_SUFFIXES = (".run", ".npz", ".grid", ".geojson", ".json")
@@ -108,12 +108,17 @@ def _read_map(file: Path) -> Map:
         raise InputError(f"{file}: {error}. Part polygons that touch at a point.") from error
 
 
-def _draw_of(run: Run, number: int) -> Map:
+def draw_number(run: Run, number: int) -> int:
+    """Return the number of a draw from 0, of one that may be counted from the end (UsageError if there is none)."""
     n = len(run.draws)
     if not -n <= number < n:
         held = "no draws yet" if n == 0 else f"draws 0 to {n - 1}"
         raise UsageError(f"--draw {number}: {run.name} has {held}.")
-    number %= n
+    return number % n
+
+
+def _draw_of(run: Run, number: int) -> Map:
+    number = draw_number(run, number)
     properties: dict[str, Any] = {
         "log_posterior": _log_posterior(run, number),
         "draw": number,

@@ -133,9 +133,10 @@ def draw_points(axes: Axes, points: PointTable) -> None:
     axes.scatter(x, y, s=size, c=points.value, cmap="gray_r", edgecolors=MUTED, linewidths=0.1 * size**0.5, zorder=2.4)
 
 
-def draw_path(axes: Axes, beams: Readings) -> None:
-    """Draw the sensor's positions, joined in the order of the scans, the first one ringed."""
-    path = beams.sensor_path()
+def draw_path(axes: Axes, path: NDArray[np.float64]) -> None:
+    """Draw positions of the sensor (n, 2), metres, joined in their order, the first one ringed."""
+    if not len(path):
+        return
     dots = 2.4 if len(path) < 200 else 1.2
     axes.plot(*path.T, color=PATH, linewidth=0.9, alpha=0.9, marker="o", markersize=dots, markeredgewidth=0.0, zorder=4)
     axes.plot(

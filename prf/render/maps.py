@@ -40,8 +40,8 @@ def render_best(run: Run, target: Target, *, path: bool = False, title: str | No
     small = f"{run.name}  ·  {size}{score}  ·  {style.window_words(window)}"
     page, axes = style.map_page(window, style.margins_of(window), title or "Best map", small)
     layers.fill_map(axes, run.best)
-    if path and run.sensors is not None:
-        layers.draw_path(axes, run.sensors)
+    if path:
+        layers.draw_path(axes, run.path_xy)
     style.save(page, target)
 
 

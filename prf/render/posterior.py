@@ -40,6 +40,7 @@ def render_posterior(
     points with their values. `disagreement`: tint the seen cells at which chains differ (docs/convergence.md). `title`:
     instead of the default one.
     """
+    run = run.placed()
     if run.image is None:
         raise run.missing(names.POSTERIOR)
     window = run.draws.window
@@ -60,8 +61,8 @@ def render_posterior(
         layers.draw_cones(axes, run.sonar)
     if run.points is not None and beams:
         layers.draw_points(axes, run.points)
-    if run.sensors is not None and path:
-        layers.draw_path(axes, run.sensors)
+    if path:
+        layers.draw_path(axes, run.path_xy)
     _add_colour_bar(page, drawn, window, words)
     style.save(page, target)
 
@@ -110,7 +111,7 @@ def render_beams(
     """
     if run.sensors is None and run.points is None:
         raise run.missing(names.READINGS)
-    window = run.draws.window
+    run, window = run.placed(), run.draws.window
     words = [_words(part) for part in (run.laser, run.sonar) if part is not None]
     words += [style.counted(len(run.points.value), "point")] if run.points is not None else []
     small = "  ·  ".join([run.name, *words])
@@ -125,8 +126,8 @@ def render_beams(
         layers.draw_impacts(axes, run.laser)
     if run.points is not None:
         layers.draw_points(axes, run.points)
-    if path and run.sensors is not None:
-        layers.draw_path(axes, run.sensors)
+    if path:
+        layers.draw_path(axes, run.path_xy)
     style.save(page, target)
 
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from prf.agreement import DIFFERS
 from prf.coloring import Draws, black_at_draws
+from prf.poses.posterior import Trajectory
 from prf.run import PosteriorImage, Run
 from prf.shell.page.markup import packed
 from prf.window import INTERIOR, Window
@@ -128,17 +129,26 @@ def pack_image(image: PosteriorImage) -> Numbers:
 
 
 def pack_scene(run: Run) -> Numbers:
-    """Return the sensor's path, the ends of readings, and the edges of the best map on seen ground."""
+    """Return the sensor's path, as it was given and where it may be, ends of readings, edges of the best map seen."""
     window, step = run.draws.window, step_of(run.draws.window)
-    path = np.zeros((0, 2)) if run.sensors is None else run.sensors.sensor_path()
+    given = np.zeros((0, 2)) if run.trajectory is None else run.trajectory.given[:, :2]
+    ellipses = np.zeros((0, 6)) if run.trajectory is None else _ellipses(run.trajectory)
+    run = run.placed()
     ends = np.zeros((0, 2)) if run.laser is None else run.laser.impacts()
     arcs = np.zeros((0, 6)) if run.sonar is None else run.sonar.arcs()[:, [0, 4, 8]].reshape(-1, 6)
     points = np.zeros((0, 2)) if run.points is None else run.points.xy
-    parts = {"path": path, "returns": _some(ends), "arcs": _some(arcs), "points": _some(points), "best": _outline(run)}
+    parts = {"path": run.path_xy, "given": given, "ellipses": ellipses}
+    parts |= {"returns": _some(ends), "arcs": _some(arcs), "points": _some(points), "best": _outline(run)}
     corner = np.array([window.x_min, window.y_min])
     columns = [np.rint((part.reshape(-1, 2) - corner) / step).astype(np.int64) for part in parts.values()]
     head: dict[str, Any] = {name: part.size for name, part in parts.items()}
     return Numbers(head, packed(_planes(*(part.ravel() for part in columns))))
+
+
+def _ellipses(found: Trajectory) -> NDArray[np.float64]:
+    """Return for each pose (n, 6) the middle and an end of each half axis of the ellipse that holds it at 95 %."""
+    middle = found.mean[:, None, :2]
+    return np.concatenate([middle, middle + found.ellipses()], axis=1).reshape(-1, 6)
 
 
 def _outline(run: Run) -> NDArray[np.float64]:

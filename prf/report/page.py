@@ -7,7 +7,15 @@ from typing import Any, NamedTuple
 from prf.export.cells import cut_to_known
 from prf.export.source import Map
 from prf.report.embedded import Numbers, fitting, pack_image, pack_scene, step_of
-from prf.report.words import agreement_line, functional_table, headline, origin_table, settings_table, title_of
+from prf.report.words import (
+    agreement_line,
+    functional_table,
+    headline,
+    origin_table,
+    settings_table,
+    title_of,
+    trajectory_line,
+)
 from prf.run import Run, map_text, names
 from prf.shell.errors import InputError
 from prf.shell.files import encoded, open_output
@@ -39,7 +47,7 @@ def write_report(path: str, run: Run, title: str | None = None) -> Written:
         "title": escape(title or title_of(run)),
         "run": escape(run.name),
         "headline": headline(run),
-        "agreement": agreement_line(run),
+        "agreement": f"{agreement_line(run)} {trajectory_line(run)}".strip(),
         "functionals": functional_table(run),
         "made": origin_table(run),
         "settings": settings_table(run),

@@ -6,6 +6,8 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
+
 from prf.agreement import Place
 from prf.convergence import Diagnosis, time_words
 from prf.logs import log_stem
@@ -62,6 +64,14 @@ def _outlook(diagnosed: Mapping[str, Any]) -> str:
         return "; more time alone will not help"
     seconds = diagnosed.get("suggested_seconds")
     return f"; about {time_words(seconds)} more would bring agreement" if seconds else ""
+
+
+def trajectory_line(run: Run) -> str:
+    """Return how far poses that were sampled are from the given ones, and how well they are known."""
+    if run.trajectory is None:
+        return ""
+    farthest = float(np.hypot(*run.trajectory.correction[:, :2].T).max())
+    return f"{run.trajectory.words()}; the farthest by {number(100.0 * farthest, 1)} cm."
 
 
 def functional_table(run: Run) -> str:

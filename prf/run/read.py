@@ -41,6 +41,7 @@ def read_run(path: str | os.PathLike[str], parts: Collection[str] = PARTS) -> Ru
         fields |= read_readings(folder / names.READINGS)
     if names.POSES in present:
         fields["trajectory"] = read_trajectory(folder / names.POSES)
+        _check_owners(folder / names.POSES, fields)
     if names.MAP in present:
         fields["best"], fields["best_log_posterior"] = read_best(folder / names.MAP)
     if names.DIAGNOSTICS in present:
@@ -166,15 +167,34 @@ def read_trajectory(path: Path) -> Trajectory:
     arrays = load_arrays(path, names.SCHEMAS[names.POSES])
     scan = take_array(path, arrays, "scan", np.int64, (None,))
     n = len(scan)
+    owners = (_take_owners(path, arrays, f"pose_of_{kind}", n) for kind in ("laser", "sonar"))
     found = Trajectory(
         scan,
         take_array(path, arrays, "time", np.float64, (n,)),
         take_array(path, arrays, "given", np.float64, (n, 3)),
         take_array(path, arrays, "draws", np.float32, (None, n, 3)),
+        *owners,
     )
     if not (np.isfinite(found.given).all() and np.isfinite(found.draws).all()):
         raise damaged(path, "a pose has a value that is not finite")
     return found
+
+
+def _take_owners(path: Path, arrays: dict[str, NDArray[Any]], name: str, n: int) -> NDArray[np.int32] | None:
+    if name not in arrays:
+        return None
+    owner: NDArray[np.int32] = take_array(path, arrays, name, np.int32, (None,))
+    if ((owner < 0) | (owner >= n)).any():
+        raise damaged(path, f"array {name} has a number that no pose has")
+    return owner
+
+
+def _check_owners(path: Path, fields: dict[str, Any]) -> None:
+    """Refuse poses of other readings than those of the run, if both are read."""
+    for kind in ("laser", "sonar"):
+        readings, owner = fields.get(kind), getattr(fields["trajectory"], kind)
+        if readings is not None and owner is not None and len(owner) != readings.n_beams:
+            raise damaged(path, f"poses of {len(owner)} readings, and there are {readings.n_beams}")
 
 
 def read_best(path: Path) -> tuple[Coloring, float]:

@@ -139,6 +139,15 @@ class Run:
             return self.trajectory.mean[:, :2]
         return np.zeros((0, 2)) if self.sensors is None else self.sensors.sensor_path()
 
+    def placed(self) -> Run:
+        """Return the run with its readings at the posterior means of their poses, for pictures of them."""
+        found = self.trajectory
+        if found is None:
+            return self
+        laser = self.laser if self.laser is None or found.laser is None else found.moved(self.laser, found.laser)
+        sonar = self.sonar if self.sonar is None or found.sonar is None else found.moved(self.sonar, found.sonar)
+        return dataclasses.replace(self, laser=laser, sonar=sonar)
+
     @property
     def name(self) -> str:
         """Name of the run's folder, for messages and titles."""

@@ -160,12 +160,15 @@ def _arrays_of(readings: Readings) -> dict[str, NDArray[Any]]:
 
 def write_trajectory(folder: Path, found: Trajectory) -> None:
     """Write poses.npz, and trajectory.csv once there are draws."""
-    arrays = {
+    arrays: dict[str, NDArray[Any]] = {
         "scan": found.scan.astype(np.int64),
         "time": found.time.astype(np.float64),
         "given": found.given.astype(np.float64),
         "draws": found.draws.astype(np.float32),
     }
+    for kind, owner in (("laser", found.laser), ("sonar", found.sonar)):
+        if owner is not None:
+            arrays[f"pose_of_{kind}"] = owner.astype(np.int32)
     save_arrays(folder / names.POSES, names.SCHEMAS[names.POSES], arrays)
     if len(found.draws):
         with atomic_write(folder / names.TRAJECTORY) as stream:

@@ -214,6 +214,16 @@ def test_the_driven_way_is_free_by_its_radius(run: prf.Run) -> None:
         prf.sample(room(), PRIOR, model, steps=10_000, driven_radius=-1.0, **HOW)
 
 
+def test_uncertain_poses_take_nothing_from_the_way_unless_asked() -> None:
+    for asked, used in (({}, 0.0), ({"driven_radius": 0.1}, 0.1)):
+        settings = prf.sample(room(), PRIOR, pose_noise=(0.05, 0.01), odometry="wheels", steps=100, **asked, **HOW)
+        configuration = settings.manifest["configuration"]
+        assert tuple(configuration["pose_noise"]) == (0.05, 0.01)
+        assert (configuration["odometry"], configuration["driven_radius"]) == ("wheels", used)
+    with pytest.raises(ConfigError, match="pose-noise"):
+        prf.sample(room(), PRIOR, pose_noise=(0.05, 0.0), steps=100, **HOW)
+
+
 def test_points_alone_make_a_map() -> None:
     grid = np.stack(np.meshgrid(np.arange(6.0), np.arange(4.0)), axis=-1).reshape(-1, 2)
     run = prf.sample(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 
 from prf.coloring import black_at
 from prf.report import write_report
+from tests.factories import make_trajectory
 from tests.report.runs import WINDOW, slow_run
 
 PATHS = ("-2, 9996; -1, 9997", "0, 9999; 3, 9999; 3, 9996", "1, 9998", "-3.2, 9995; 4.7, 10000.9")
@@ -24,7 +26,8 @@ FILLED = """async ([draw, points]) => {
 
 @pytest.fixture(scope="module")
 def run():
-    return slow_run()
+    found = slow_run()
+    return dataclasses.replace(found, trajectory=make_trajectory(found.laser, len(found.draws)))
 
 
 @pytest.fixture(scope="module")
@@ -118,7 +121,7 @@ def test_draws_layers_and_themes_change_the_picture(opened):
         opened.keyboard.press("ArrowRight")
         look()
     assert "draw 3 of 160: chain 3, step 2,000" in opened.locator("#drawn").inner_text()
-    for button in ("#outline", "[data-base=best]", "#path", "#readings", "#theme"):
+    for button in ("#outline", "[data-base=best]", "#path", "#ellipses", "#given", "#readings", "#theme"):
         opened.click(button)
         look()
     opened.focus("#map")

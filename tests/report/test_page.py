@@ -4,14 +4,16 @@ import dataclasses
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from prf.report import write_report
+from prf.report.embedded import pack_scene, step_of
 from prf.report.words import title_of
 from prf.shell.errors import InputError
-from tests.factories import make_run
+from tests.factories import make_run, make_trajectory
 from tests.mapq.report.results import without_scripts
-from tests.report.runs import slow_run
+from tests.report.runs import WINDOW, slow_run, unpacked
 
 
 def written(path: Path, **options: str) -> str:
@@ -27,6 +29,23 @@ def test_a_page_is_named_after_its_log_and_says_what_it_shows(tmp_path: Path) ->
     assert "all 160 draws of the run, as prf query" in page
     assert "/logs/&lt;b&gt;hall.log.gz, sha256 0" in page
     assert "<h1>Ours</h1>" in written(tmp_path / "o.html", title="Ours")
+
+
+def test_sampled_poses_are_in_the_head_and_in_the_scene(tmp_path: Path) -> None:
+    run = slow_run()
+    assert run.laser is not None
+    found = make_trajectory(run.laser, len(run.draws))
+    run = dataclasses.replace(run, trajectory=found)
+    write_report(str(tmp_path / "r.html"), run)
+    page = (tmp_path / "r.html").read_text()
+    assert f" of the seen ground. {found.words()}; the farthest by 5.1 cm.</p>" in page
+    scene = pack_scene(run)
+    assert (scene.head["given"], scene.head["path"], scene.head["ellipses"]) == (10, 10, 30)
+    numbers = unpacked(scene.text)
+    moved, given = numbers[:10:2], numbers[10:20:2]
+    np.testing.assert_allclose((moved - given) * step_of(WINDOW), 0.05, atol=0.002)
+    middle, end = numbers[20:50].reshape(5, 3, 2)[:, :2].swapaxes(0, 1)
+    np.testing.assert_allclose(np.hypot(*(end - middle).T) * step_of(WINDOW), 0.0245, atol=0.005)
 
 
 def test_poses_of_a_file_are_no_log() -> None:

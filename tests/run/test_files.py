@@ -11,6 +11,7 @@ import pytest
 
 from prf.coloring import Coloring, Draws
 from prf.inspection import inspect_files
+from prf.poses.plane import wrapped
 from prf.run import Run, read_map_feature, read_run, write_run
 from prf.run.names import SCHEMAS
 from prf.run.write import remove_stale_outputs
@@ -111,7 +112,8 @@ def test_sampled_poses_round_trip_and_their_means_are_a_table(tmp_path: Path, mo
     written, read = moved.trajectory, read_run(tmp_path).trajectory
     assert written is not None
     assert read is not None
-    for name in ("scan", "time", "given", "draws"):
+    assert read.sonar is None
+    for name in ("scan", "time", "given", "draws", "laser"):
         np.testing.assert_array_equal(getattr(written, name), getattr(read, name))
     header, *rows = (tmp_path / "trajectory.csv").read_text().splitlines()
     assert header == "scan,t,x,y,theta,sd_x,sd_y,sd_theta"
@@ -134,6 +136,36 @@ def test_poses_without_times_or_draws(tmp_path: Path, moved: Run) -> None:
     assert (tmp_path / "trajectory.csv").read_text().splitlines()[1].startswith("0,,")
     remove_stale_outputs(tmp_path)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_readings_are_drawn_where_the_mean_poses_have_them(tmp_path: Path, moved: Run) -> None:
+    assert moved.trajectory is not None
+    assert moved.laser is not None
+    turned = moved.trajectory.draws + np.array([0.0, 0.0, 0.5], np.float32)
+    found = replace(moved, trajectory=replace(moved.trajectory, draws=turned)).placed()
+    assert found.laser is not None
+    np.testing.assert_allclose(found.laser.sensor_path(), found.path_xy, atol=1e-12)
+    np.testing.assert_allclose(wrapped(found.laser.angle - moved.laser.angle), 0.5, atol=0.02)
+    fixed = make_run()
+    assert fixed.placed() is fixed
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"given": np.full((5, 3), np.nan)}, "not finite"),
+        ({"draws": np.zeros((2, 4, 3), np.float32)}, "array draws has shape"),
+        ({"pose_of_laser": np.full(200, 5, np.int32)}, "no pose has"),
+        ({"pose_of_laser": np.zeros(199, np.int32)}, "poses of 199 readings, and there are 200"),
+    ],
+)
+def test_poses_that_are_none_are_refused(tmp_path: Path, moved: Run, changes: dict, message: str) -> None:
+    write_run(tmp_path, moved)
+    with np.load(tmp_path / "poses.npz") as stored:
+        arrays = {name: stored[name] for name in stored.files}
+    np.savez(tmp_path / "poses.npz", **{**arrays, **changes})
+    with pytest.raises(InputError, match=message):
+        read_run(tmp_path)
 
 
 def test_fixed_poses_leave_no_file(folder: Path) -> None:

@@ -1,6 +1,6 @@
 "use strict";
-// The map on a canvas. look: { base: "posterior" | "draw" | "best", draw, outline, path, readings, differs: bool,
-// tool: "point" | "path", corners: [[x, y]...], radius }
+// The map on a canvas. look: { base: "posterior" | "draw" | "best", draw, outline, path, ellipses, given, readings,
+// differs: bool, tool: "point" | "path", corners: [[x, y]...], radius }
 Prf.Map = class {
   constructor(canvas, data, draws, cells, scene, look, onPick) {
     Object.assign(this, { canvas, window: data.window, step: data.step, draws, scene, look, onPick });
@@ -197,6 +197,20 @@ Prf.Map = class {
       dots(scene.returns, 2);
       dots(scene.points, 4);
       lines(scene.arcs, 6, 0.7, "map-return");
+    }
+    if (look.given) lines(scene.given, scene.given.length, 1, "map-given");
+    if (look.ellipses) {
+      pen.beginPath();
+      for (let i = 0; i < scene.ellipses.length; i += 6) {
+        const [x, y, ax, ay, bx, by] = scene.ellipses.subarray(i, i + 6),
+          a = Math.hypot(ax - x, ay - y),
+          turn = Math.atan2(ay - y, ax - x);
+        pen.moveTo(ax, ay);
+        pen.ellipse(x, y, a, Math.hypot(bx - x, by - y), turn, 0, 7);
+      }
+      pen.lineWidth = pixel;
+      pen.strokeStyle = Theme.colour("map-path");
+      pen.stroke();
     }
     if (look.path && scene.path.length) {
       lines(scene.path, scene.path.length, 1.2, "map-path");

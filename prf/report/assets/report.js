@@ -13,7 +13,9 @@
   let place = 0;
   for (const [name, size] of Object.entries(data.scene)) scene[name] = whole.subarray(place, (place += size));
   const look = { base: "posterior", draw: 0, tool: "point", corners: [], radius: 0.25 };
-  for (const name of ["outline", "path", "readings", "differs"]) look[name] = byId(name).checked;
+  // A path that was sampled is what to look at.
+  byId("path").checked ||= scene.given.length > 0;
+  for (const name of ["outline", "path", "ellipses", "given", "readings", "differs"]) look[name] = byId(name).checked;
 
   // Neighbours on the slider are draws of different chains.
   const order = [...Array(draws.n).keys()].sort(
@@ -56,6 +58,8 @@
   const has = {
     outline: scene.best.length,
     path: scene.path.length,
+    ellipses: scene.ellipses.length,
+    given: scene.given.length,
     readings: scene.returns.length + scene.arcs.length + scene.points.length,
     differs: map.difference.some((_, cell) => map.differs(cell)),
   };
