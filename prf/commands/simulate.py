@@ -13,6 +13,7 @@ EXAMPLES = (
     "prf simulate --seed 1 -o wing",
     "prf simulate --size 20 14 --sonar --readings 29120 --seed 1 -o small",
     "prf simulate --world arak --scale 0.1 --size 30 30 --seed 1 -o draw",
+    "prf simulate --seed 1 --odometry wheels -o drift",
     "prf simulate --world map.yaml --path drive.csv --no-laser --sonar -o run",
 )
 
@@ -40,6 +41,14 @@ Readings = Annotated[
 ]
 Laser = Annotated[bool, typer.Option("--laser/--no-laser", help="Write laser.log.gz.")]
 Sonar = Annotated[bool, typer.Option("--sonar", help="Write sonar.csv.gz, of a ring of 16 transducers.")]
+PoseNoise = Annotated[
+    tuple[float, float] | None,
+    typer.Option("--pose-noise", metavar="METRES RADIANS", help="Poses of the logs err by so much, independently."),
+]
+Odometry = Annotated[
+    str | None,
+    typer.Option("--odometry", metavar="KIND", help="Poses of the logs are odometry: precise, wheels or poor."),
+]
 
 
 def simulate(
@@ -50,6 +59,8 @@ def simulate(
     readings: Readings = None,
     laser: Laser = True,
     sonar: Sonar = False,
+    pose_noise: PoseNoise = None,
+    odometry: Odometry = None,
     assignments: Assignments = None,
     seed: Seed = None,
     output: Output = None,
@@ -60,7 +71,8 @@ def simulate(
 
     The robot drives through all space that it can reach. DIR gets truth.geojson, plan.png, laser.log.gz, sonar.csv.gz,
     path.csv and manifest.json: sample, grid and score take the logs, score and export the truth. Robot and sensors are
-    the table [simulate] of the settings.
+    the table [simulate] of the settings. With --pose-noise or --odometry the logs have poses with errors, and
+    true_poses.csv and .tum the true ones. For one loop give its waypoints as --path.
     """
     from prf.configuration import load_configuration
     from prf.shell import jsonout
@@ -76,10 +88,12 @@ def simulate(
         raise UsageError("the result is a directory. Name one with -o DIR.")
     refuse_existing(output, force, is_folder=True)
     claim(output)
-    loaded = load_configuration({"assignments": assignments}, tables=("simulate",))
+    asked = {"assignments": assignments, "pose_noise": pose_noise, "odometry": odometry}
+    loaded = load_configuration(asked, tables=("simulate", "trajectory"))
     refuse_absent_sensor(loaded.sources, laser, sonar)
-    options = {"size": size, "scale": scale, "path": path, "readings": readings}
-    config = config_of(loaded.settings.simulate, world, laser, sonar, **options)
+    errors = loaded.settings.trajectory
+    options = {"size": size, "scale": scale, "path": path, "readings": readings, "pose_noise": errors.pose_noise}
+    config = config_of(loaded.settings.simulate, world, laser, sonar, odometry_noise=errors.step_noise, **options)
     with progress(1.0, "casting beams") as bar:
         simulation = make(config, resolve_seed(seed), bar.update)
     write_simulation(output, simulation)
@@ -105,6 +119,12 @@ def _rows(result: dict[str, Any]) -> Iterator[tuple[str, str]]:
     if result["n_redrawn"]:
         yield "redrawn", f"{result['n_redrawn']} times, for too little free space"
     yield "drive", f"{result['path_length']:,.0f} m in {result['duration']:,.0f} s, {result['n_scans']:,} scans"
+    if "pose_rmse" in result:
+        metres, radians = result["pose_rmse"]
+        yield (
+            "poses",
+            f"err by {metres:.3g} m, {radians:.3g} rad (RMS), {result['output']}/true_poses.csv not",
+        )
     if result["n_beams"]:
         yield "laser", f"{result['n_beams']:,} beams, {result['n_beams_returned']:,} with a return"
     if result["n_sonar"]:

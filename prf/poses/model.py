@@ -198,10 +198,21 @@ def odometry_steps(
         at = np.searchsorted(table.number, scan)
         driven, turned = along[at], about[at]
     motion = seen_from(given[:-1], given[1:])
-    d = np.maximum(np.hypot(motion[:, 0], motion[:, 1]), np.abs(np.diff(driven)))
-    a = np.maximum(np.abs(motion[:, 2]), np.abs(np.diff(turned)))
+    return motion, step_spread(motion, odometry, np.abs(np.diff(driven)), np.abs(np.diff(turned)))
+
+
+def step_spread(
+    motion: Floats, odometry: Sequence[float], driven: Floats | float = 0.0, turned: Floats | float = 0.0
+) -> Floats:
+    """Return the standard deviations (n, 3) of steps of the odometry: ahead, to the side (m), turn (rad).
+
+    `motion` (n, 3): the steps, each in the frame of the pose before it. `driven`, `turned` (n,): metres and radians on
+    the way, where that is longer than the straight one.
+    """
+    d = np.maximum(np.hypot(motion[:, 0], motion[:, 1]), driven)
+    a = np.maximum(np.abs(motion[:, 2]), turned)
     turn = odometry[0] ** 2 * a + odometry[1] ** 2 * d
     ahead = odometry[2] ** 2 * d + odometry[3] ** 2 * a
     # An error of the heading anywhere along a step carries what is driven after it to the side.
     aside = ahead + turn * d**2 / 3.0
-    return motion, np.sqrt(np.column_stack([ahead, aside, turn]) + STAND**2)
+    return np.asarray(np.sqrt(np.column_stack([ahead, aside, turn]) + STAND**2))

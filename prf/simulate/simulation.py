@@ -13,6 +13,7 @@ from prf.logs.poses import PIONEER, mounted
 from prf.sensors.domain import check_length
 from prf.shell.errors import ConfigError, InputError, UsageError
 from prf.shell.seeds import spawn_generators
+from prf.simulate.given import given_scans
 from prf.simulate.laser import LaserPhysics, simulate_laser
 from prf.simulate.path import PathFile, Scans, Spacing, plan_drive, read_path, scans_along
 from prf.simulate.plans import office
@@ -48,6 +49,9 @@ class SimulateConfig:
     readings: int | None = None
     laser: LaserPhysics | None = dataclasses.field(default_factory=LaserPhysics)
     sonar: SonarPhysics | None = None
+    # pose_noise, odometry_noise: of the poses in the logs, see :func:`given_scans`; default exact ones
+    pose_noise: tuple[float, float] | None = None
+    odometry_noise: tuple[float, float, float, float] | None = None
 
     def __post_init__(self) -> None:
         """Refuse what cannot be simulated."""
@@ -60,6 +64,8 @@ class SimulateConfig:
             raise ConfigError(
                 "readings are spread over one drive: give --readings or --set simulate.spacing=, not both"
             )
+        if self.pose_noise is not None and self.odometry_noise is not None:
+            raise ConfigError("poses of a log err independently or are odometry: give --pose-noise or --odometry")
         if self.laser is None and self.sonar is None:
             raise ConfigError("no sensor: leave --no-laser out, or add --sonar")
         if self.sonar is not None and self.robot_radius < RING_RADIUS:
@@ -74,7 +80,7 @@ class SimulateConfig:
 def config_of(settings: Simulate, world: str, laser: bool, sonar: bool, **options: Any) -> SimulateConfig:
     """Return what settings and options ask for; UsageError for an option that has no effect in this world.
 
-    `laser`, `sonar`: whether the robot has them. `options`: size, scale, path, readings; None: the default.
+    `laser`, `sonar`: whether the robot has them. `options`: other fields of :class:`SimulateConfig`; None: the default.
     """
     given = {name: value for name, value in options.items() if value is not None}
     for name, worlds in WORLDS_OF.items():
@@ -110,16 +116,23 @@ class Simulation:
     scans: Scans  # poses of the robot, which are those of its laser too
     laser: Floats | None  # (n_scans, n_beams) metres; inf: no return
     sonar: Floats | None  # (n_scans, 16) metres; inf: no return
+    given: Scans  # as the logs have them: `scans`, or others with errors
+
+    @property
+    def is_exact(self) -> bool:
+        """Whether the logs have the true poses."""
+        return self.given is self.scans
 
 
 def simulate(config: SimulateConfig, seed: int, report: Callable[[float], None] = lambda done: None) -> Simulation:
     """Simulate a robot in a world.
 
-    World, laser and sonar have random numbers of their own: a change of one sensor leaves all else as it was.
+    World, laser, sonar and poses of the logs have random numbers of their own: a change of one leaves all else as it
+    was.
 
     `report`: called with the share of laser scans done.
     """
-    for_world, _, for_laser, for_sonar = spawn_generators(seed, 4)
+    for_world, for_poses, for_laser, for_sonar = spawn_generators(seed, 4)
     given = None if config.path is None else read_path(config.path)
     world, n_redrawn = _make_world(config, given, for_world)
     scans = _drive(config, world, given)
@@ -128,7 +141,9 @@ def simulate(config: SimulateConfig, seed: int, report: Callable[[float], None] 
         laser = simulate_laser(world.walls, scans.pose, config.laser, for_laser, report)
     if config.sonar is not None:
         sonar = simulate_sonar(world.walls, scans.pose, config.sonar, for_sonar)
-    return Simulation(config, seed, world, n_redrawn, scans, laser, sonar)
+    errors = (config.pose_noise, config.odometry_noise)
+    recorded = scans if errors == (None, None) else given_scans(scans, *errors, for_poses)
+    return Simulation(config, seed, world, n_redrawn, scans, laser, sonar, recorded)
 
 
 def _make_world(config: SimulateConfig, given: PathFile | None, rng: np.random.Generator) -> tuple[World, int]:

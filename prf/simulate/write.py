@@ -24,6 +24,7 @@ from prf.shell.jsonout import dump_object
 from prf.shell.manifest import describe_input, versions
 from prf.shell.outputs import remove_leftovers
 from prf.shell.pictures import Target
+from prf.simulate.given import rms_errors
 from prf.simulate.laser import LaserPhysics
 from prf.simulate.path import DIGITS, Scans
 from prf.simulate.simulation import ARAK, OFFICE, Simulation
@@ -31,11 +32,14 @@ from prf.simulate.world import Floats
 
 TRUTH, PLAN, MANIFEST = "truth.geojson", "plan.png", "manifest.json"
 LASER, SONAR, PATH = "laser.log.gz", "sonar.csv.gz", "path.csv"
-FILES = (MANIFEST, TRUTH, PLAN, LASER, SONAR, PATH)
+TRUE_POSES, TRUE_TUM = "true_poses.csv", "true_poses.tum"
+FILES = (MANIFEST, TRUTH, PLAN, LASER, SONAR, PATH, TRUE_POSES, TRUE_TUM)
 SCHEMA = "prf.simulation/2"
 LEVEL = 6  # of compression: 9 takes thrice the time for a hundredth less
 MIN_RANGE = 0.001  # metres, the resolution of a log: a range of 0 is an error code
 HOST = "simulated"
+EXACT, WITH_ERRORS = "are exact", f"have errors ({TRUE_POSES} has none)"
+NEW = ("pose_noise", "odometry_noise")  # keys of the configuration that are written only where they are set
 
 
 def write_simulation(folder: str | os.PathLike[str], simulation: Simulation) -> dict[str, Any]:
@@ -62,28 +66,31 @@ def write_simulation(folder: str | os.PathLike[str], simulation: Simulation) -> 
 
 def _write_files(place: Path, simulation: Simulation, group: Group) -> None:
     """Write all but the manifest."""
-    scans = simulation.scans
+    scans, given = simulation.scans, simulation.given
+    poses = EXACT if simulation.is_exact else WITH_ERRORS
     with atomic_write(place / TRUTH) as stream:
         stream.write(map_text(simulation.world.coloring(), {"made_by": "prf simulate", "seed": simulation.seed}))
-    with atomic_write(place / PATH) as stream:
-        stream.writelines(f"{line}\n" for line in path_lines(scans))
     draw_plan(simulation, place / PLAN)
     laser, physics, sonar = simulation.laser, simulation.config.laser, simulation.sonar
-    logs = (
-        (LASER, None if laser is None or physics is None else carmen_lines(scans, laser, physics)),
-        (SONAR, None if sonar is None else sonar_lines(scans, sonar)),
+    texts = (
+        (PATH, path_lines(scans)),
+        (TRUE_POSES, None if simulation.is_exact else pose_lines(scans)),
+        (TRUE_TUM, None if simulation.is_exact else tum_lines(scans)),
+        (LASER, None if laser is None or physics is None else carmen_lines(given, laser, physics, poses)),
+        (SONAR, None if sonar is None else sonar_lines(given, sonar)),
     )
-    for name, lines in logs:
+    for name, lines in texts:
         if lines is None:
             group.drop(place / name)
         else:
-            _write_packed(place / name, lines)
+            _write_lines(place / name, lines)
 
 
 def summary(simulation: Simulation) -> dict[str, Any]:
     """Return the figures of a simulation, for `--json` and the manifest."""
     world, scans, config = simulation.world, simulation.scans, simulation.config
     laser, sonar = simulation.laser, simulation.sonar
+    errors = {} if simulation.is_exact else {"pose_rmse": rms_errors(scans, simulation.given)}
     return {
         "seed": simulation.seed,
         "world": config.world,
@@ -99,6 +106,7 @@ def summary(simulation: Simulation) -> dict[str, Any]:
         "laser_no_return": None if config.laser is None else no_return_number(config.laser.max_range),
         "n_sonar": 0 if sonar is None else sonar.size,
         "n_sonar_returned": 0 if sonar is None else int(np.count_nonzero(np.isfinite(sonar))),
+        **errors,
     }
 
 
@@ -106,20 +114,21 @@ def _manifest(place: Path, simulation: Simulation, inputs: list[dict[str, Any]],
     """Return all that the simulation follows from, and nothing that differs from one day to the next."""
     made = {name: group.where(place / name) for name in FILES if name != MANIFEST}
     written = {name: describe_input(path) for name, path in made.items() if path is not None}
+    configuration = dataclasses.asdict(simulation.config).items()
     return {
         **summary(simulation),
-        "configuration": dataclasses.asdict(simulation.config),
+        "configuration": {name: value for name, value in configuration if name not in NEW or value is not None},
         "versions": versions(),
         "inputs": inputs,
         "files": [{**entry, "path": name} for name, entry in written.items()],
     }
 
 
-def _write_packed(path: Path, lines: Iterable[str]) -> None:
-    """Write lines as gzip without a date, so that the bytes depend on the content alone."""
-    text = "".join(f"{line}\n" for line in lines)
+def _write_lines(path: Path, lines: Iterable[str]) -> None:
+    """Write lines; as gzip without a date where the name says so, so that the bytes depend on the content alone."""
+    data = "".join(f"{line}\n" for line in lines).encode("ascii")
     with atomic_write(path, binary=True) as stream:
-        stream.write(gzip.compress(text.encode("ascii"), compresslevel=LEVEL, mtime=0))
+        stream.write(gzip.compress(data, compresslevel=LEVEL, mtime=0) if path.suffix == ".gz" else data)
 
 
 def no_return_number(max_range: float) -> float:
@@ -129,14 +138,15 @@ def no_return_number(max_range: float) -> float:
     return (centimetres + rounds_off) / 100.0
 
 
-def carmen_lines(scans: Scans, readings: Floats, physics: LaserPhysics) -> Iterator[str]:
+def carmen_lines(scans: Scans, readings: Floats, physics: LaserPhysics, poses: str = EXACT) -> Iterator[str]:
     """Yield the lines of a CARMEN log: FLASER for half a circle, ROBOTLASER1, which has angles, for other scanners.
 
-    `scans`: poses of the laser. `readings` (n_scans, n_beams): metres, written in millimetres; inf: no return.
+    `scans`: poses of the laser, `poses`: what is said of them. `readings` (n_scans, n_beams): metres, written in
+    millimetres; inf: no return.
     """
     silent = no_return_number(physics.max_range)
     kind = "FLASER" if physics.is_half_circle else "ROBOTLASER1"
-    yield "# A simulated drive, made by prf simulate: poses are exact, and the laser's"
+    yield f"# A simulated drive, made by prf simulate: poses {poses}, and the laser's"
     yield f"# message formats defined: {kind}"
     yield f"# no return: {silent:g}; dropped: 0"
     for pose, time, row in zip(scans.pose, scans.time.tolist(), readings, strict=True):
@@ -170,22 +180,39 @@ def path_lines(scans: Scans) -> Iterator[str]:
         yield ",".join(f"{value:.{DIGITS}f}" for value in pose) + f",{time:.3f}"
 
 
+def pose_lines(scans: Scans) -> Iterator[str]:
+    """Yield the lines of a table of poses, which `--poses` of other verbs takes."""
+    yield "t,x,y,theta"
+    for pose, time in zip(scans.pose.tolist(), scans.time.tolist(), strict=True):
+        yield f"{time:.3f}," + ",".join(f"{value:.{DIGITS}f}" for value in pose)
+
+
+def tum_lines(scans: Scans) -> Iterator[str]:
+    """Yield the lines of poses as TUM has them: t x y z qx qy qz qw."""
+    for (x, y, theta), time in zip(scans.pose.tolist(), scans.time.tolist(), strict=True):
+        half = 0.5 * theta
+        yield f"{time:.3f} {x:.{DIGITS}f} {y:.{DIGITS}f} 0 0 0 {math.sin(half):.9f} {math.cos(half):.9f}"
+
+
 def _shown(values: Floats) -> list[str]:
     """Return numbers in millimetres, without zeros at the end."""
     return [f"{value:.3f}".rstrip("0").rstrip(".") for value in values.tolist()]
 
 
 def draw_plan(simulation: Simulation, target: Target) -> None:
-    """Draw occupied area and the places of the scans, the first one ringed."""
+    """Draw occupied area and the places of the scans, the first one ringed; poses with errors as a thin line."""
     world, path = simulation.world, simulation.scans.pose[:, :2]
     length = float(np.hypot(*np.diff(path, axis=0).T).sum())
     window = world.window
+    errors = "" if simulation.is_exact else "  ·  poses of the logs in violet"
     small = f"{style.counted(len(path), 'scan')} on {length:,.0f} m  ·  {style.counted(len(world.walls), 'wall')}"
     page, axes = style.map_page(
-        window, style.margins_of(window), "Simulated world", f"{small}  ·  {style.window_words(window)}"
+        window, style.margins_of(window), "Simulated world", f"{small}  ·  {style.window_words(window)}{errors}"
     )
     fill_map(axes, world.coloring())
     dots = 2.0 if len(path) < 400 else 1.0
     axes.plot(*path.T, color=style.PATH, linewidth=0.6, marker="o", markersize=dots, markeredgewidth=0.0, zorder=4)
+    if not simulation.is_exact:
+        axes.plot(*simulation.given.pose[:, :2].T, color=style.DIFFERS, linewidth=0.6, zorder=3.9)
     axes.plot(*path[:1].T, marker="o", markersize=6.0, color="white", markeredgecolor=style.PATH, zorder=4.1)
     style.save(page, target)

@@ -2,20 +2,28 @@
 
 from __future__ import annotations
 
+import dataclasses
+import gzip
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from prf.logs import read_readings
 from prf.logs.carmen import read_carmen
 from prf.logs.describe import default_max_range
-from prf.logs.poses import CONE, PIONEER
+from prf.logs.poses import CONE, PIONEER, mounted
 from prf.logs.table import read_table
-from prf.simulate import LaserPhysics, Scans
-from prf.simulate.write import carmen_lines, no_return_number, path_lines, sonar_lines
+from prf.shell.trajectory import read_trajectory
+from prf.simulate import LaserPhysics, Scans, SimulateConfig, simulate, write_simulation
+from prf.simulate.sonar import SonarPhysics
+from prf.simulate.write import carmen_lines, no_return_number, path_lines, pose_lines, sonar_lines, tum_lines
 
 RNG = np.random.default_rng(1)
 SCANS = Scans.rounded(RNG.uniform(-40.0, 40.0, (20, 3)), np.arange(20) * 0.7)
+
+KINDS = (("laser.log.gz", "laser"), ("sonar.csv.gz", "sonar"))
 
 
 def as_bytes(lines: object) -> bytes:
@@ -92,3 +100,37 @@ def test_paths_can_be_driven_again(tmp_path: object) -> None:
     file = tmp_path / "path.csv"  # type: ignore[operator]
     file.write_bytes(as_bytes(path_lines(SCANS)))
     np.testing.assert_array_equal(read_path(file).scans().pose, SCANS.pose)
+
+
+def test_poses_are_read_as_poses_of_other_verbs(tmp_path: Path) -> None:
+    for name, lines in (("true.csv", pose_lines(SCANS)), ("true.tum", tum_lines(SCANS))):
+        (tmp_path / name).write_bytes(as_bytes(lines))
+        found = read_trajectory(str(tmp_path / name))
+        np.testing.assert_allclose(found.times, SCANS.time)
+        np.testing.assert_allclose(found.poses[:, :2, 3], SCANS.pose[:, :2])
+        turn = np.arctan2(found.poses[:, 1, 0], found.poses[:, 0, 0])
+        np.testing.assert_allclose(turn, SCANS.pose[:, 2], atol=1e-8)
+
+
+def test_without_errors_logs_stay_as_they_were(data_dir: Path, tmp_path: Path) -> None:
+    laser = LaserPhysics(beams=180, field_of_view=6.283185307, outlier_probability=0.001)
+    made = write_simulation(tmp_path, simulate(SimulateConfig(size=(10.0, 8.0), readings=3000, laser=laser), 1))
+    packed = (data_dir / "demo-rooms.log.gz").read_bytes()
+    assert gzip.decompress((tmp_path / "laser.log.gz").read_bytes()) == gzip.decompress(packed)
+    assert not {"pose_noise", "odometry_noise"} & set(made["configuration"])
+    assert "pose_rmse" not in made
+
+
+def test_logs_share_errors_and_the_true_poses_lie_beside(tmp_path: Path) -> None:
+    config = SimulateConfig(size=(9.0, 8.0), laser=LaserPhysics(beams=36), sonar=SonarPhysics())
+    exact, made = simulate(config, 3), simulate(dataclasses.replace(config, pose_noise=(0.1, 0.02)), 3)
+    manifest = write_simulation(tmp_path, made)
+    laser, sonar = (read_readings(str(tmp_path / name), kind) for name, kind in KINDS)
+    np.testing.assert_array_equal(laser.notes.scans.pose, made.given.pose)
+    np.testing.assert_allclose(sonar.origin[0], mounted(made.given.pose[0], PIONEER)[0, :2], atol=1e-6)
+    np.testing.assert_array_equal(exact.scans.pose, made.scans.pose)
+    np.testing.assert_array_equal(exact.laser, made.laser)
+    assert manifest["pose_rmse"] == pytest.approx([0.14, 0.02], rel=0.25)
+    assert {"true_poses.csv", "true_poses.tum"} <= {entry["path"] for entry in manifest["files"]}
+    write_simulation(tmp_path, exact)
+    assert not (tmp_path / "true_poses.tum").exists()
