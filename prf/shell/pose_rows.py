@@ -188,6 +188,8 @@ def _of_table(lines: Sequence[str], source: str, layouts: str) -> PoseRows | Non
             raise InputError(f"{place}: {len(cells)} columns below a header of {len(names)}. Mend this line.")
     if not rows:
         raise InputError(f"{source}: no poses. {layouts}")
+    if "t" in columns and not any(cells[columns["t"][0]] for _, cells in rows):
+        del columns["t"]  # unknown times of a trajectory.csv that prf sample wrote
     places, factors = zip(*columns.values(), strict=True)
     values = numbers([[cells[at] for at in places] for _, cells in rows], [place for place, _ in rows], layouts)
     return PoseRows([place for place, _ in rows], values * np.array(factors), columns=tuple(columns))

@@ -62,6 +62,22 @@ def test_a_run_has_every_file_and_valid_maps(office: Path) -> None:
     assert (office / "checkpoint.npz").is_file()
 
 
+def test_uncertain_poses_are_sampled_and_reported(
+    log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "moved"
+    how = ("--pose-noise", "0.05", "0.01", "--steps", "20000", "--seed", "5", "-o", str(folder))
+    assert run("--laser", str(log), *QUICK, *how) == 0
+    shown = capsys.readouterr()
+    found = read_run(folder)
+    assert found.trajectory is not None
+    assert f"Trajectory: {found.trajectory.words()}; {folder}/trajectory.csv" in shown.out + shown.err
+    assert found.trajectory.draws.shape == (len(found.draws), 4, 3)
+    assert 0.0 < found.trajectory.figures()["mean_sd_m"] < 0.1
+    assert run("--resume", str(folder), "--steps", "20000", "--json", "-q") == 0
+    assert json.loads(capsys.readouterr().out)["trajectory"] == pytest.approx(found.trajectory.figures())
+
+
 def test_functionals_are_those_of_the_draws(office: Path) -> None:
     found = read_run(office)
     np.testing.assert_array_equal(found.functionals["n_edges"], found.draws.n_edges)

@@ -134,6 +134,8 @@ def test_poses_without_times_or_draws(tmp_path: Path, moved: Run) -> None:
     np.testing.assert_array_equal(read_run(tmp_path).path_xy, early.given[:, :2])
     write_run(tmp_path, replace(moved, trajectory=replace(moved.trajectory, time=early.time)))
     assert (tmp_path / "trajectory.csv").read_text().splitlines()[1].startswith("0,,")
+    read = read_trajectory(str(tmp_path / "trajectory.csv"))
+    assert (len(read.poses), read.times) == (5, None)
     remove_stale_outputs(tmp_path)
     assert list(tmp_path.iterdir()) == []
 
