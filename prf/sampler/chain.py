@@ -155,7 +155,7 @@ class ChainSampler:
     def find_start(self, stop_requested: Callable[[], bool]) -> None:
         """Before the first step: take the map, and the poses, that the chain shall start from."""
         if self.poses is not None:
-            self.chain = self.poses.place(self.chain, self.poses.state.pose.copy())
+            self.chain = self.poses.start(self.chain, self.rng)
         if self.starts_from != "empty":
             start = find_start_map(self.starts_from, self.settings, self.rng, stop_requested)
             chain = with_map(self.chain, self.settings, start)

@@ -22,6 +22,7 @@ from prf.kernels.sonar import SONAR_MAX
 from prf.layout import make_sites
 from prf.poses.model import LocalReadings, PoseModel
 from prf.poses.plane import wrapped
+from prf.poses.start import find_trajectory
 from prf.posterior import NO_LASER, NO_SONAR, Settings, poses_of, rays_of
 from prf.sampler.chain_map import repaint, settle_image
 from prf.sensors.laser import make_beams
@@ -89,6 +90,14 @@ class PoseTurns:
         if state.outcomes[WARP, c.ACCEPTED] > warped:
             repaint(chain)
         return chain
+
+    def start(self, chain: Chain, rng: np.random.Generator) -> Chain:
+        """Put the poses of a chain where scans agree, about: chains start apart."""
+        model, laser = self.settings.poses, self.settings.laser
+        assert model is not None
+        if laser is None:
+            return self.place(chain, model.start)
+        return self.place(chain, find_trajectory(model, laser.readings, laser.model.noise, rng))
 
     def place(self, chain: Chain, pose: Floats) -> Chain:
         """Put the poses of a chain at `pose` (n, 3), and all its readings with them."""

@@ -16,6 +16,7 @@ from prf.logs import Kind, PointTable, Readings, read_logs, read_point_data, thi
 from prf.logs.describe import default_max_range
 from prf.logs.poses import fields_of_view
 from prf.poses.model import PoseModel, pose_model
+from prf.poses.start import find_trajectory
 from prf.posterior import LaserData, PointData, Settings, SonarData
 from prf.sampler.ground import driven_way, seen_cells
 from prf.sampler.tempering import AUTO_TEMPERATURES, LadderPlan
@@ -261,7 +262,9 @@ def _started(config: Configuration, beams: Readings | None, cones: Readings | No
     """Return the uncertain poses of all readings, with where they start."""
     trajectory = config.trajectory
     found = pose_model(beams, cones, trajectory.pose_noise, trajectory.step_noise)
-    return found
+    return (
+        found if beams is None else dataclasses.replace(found, start=find_trajectory(found, beams, config.laser.noise))
+    )
 
 
 def _used(
