@@ -21,6 +21,7 @@ FEW = "--steps 2000 --chains 2 --resolution 1 --seed 1"
 COMMANDS = {
     "laser": (f"sample --laser laser.csv {FEW} --set thinning.beam_density=1 -o run",),
     "sonar": (f"sample --sonar sonar.csv --window 3 5 8 9 {FEW} -o echoes",),
+    "poses": (f"sample --laser laser.csv --pose-noise 0.05 0.01 {FEW} -o drive",),
     "points": (f"sample --point-data values.csv {FEW} -o points",),
     "prior": (
         "prior --scale 1 --window 0 0 1 1 --draws 3 --method exact --seed 1 -o exact.geojsonl",
@@ -54,7 +55,7 @@ def warm(
     """Compile the kernels ahead: for container images, CI, and machines that must answer at once.
 
     Otherwise the first call of a verb compiles what it needs. laser, sonar and points are the inputs of sample and
-    anneal, and share most; maps is query, score, grid and export. Kernels are kept for this version, this Python and
+    anneal, and share most; poses is for uncertain ones; maps is query, score, grid and export. Kernels are kept for this version, this Python and
     this kind of processor in $PRF_CACHE_DIR, or else in ~/.cache/prf/kernels, where whoever runs prf must be able to
     write. A second call has nothing to do.
     """

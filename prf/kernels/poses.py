@@ -42,6 +42,7 @@ class Poses(NamedTuple):
     """
 
     pose: Array  # (n, 3) f8 metres, radians
+    start: Array  # (n, 3) f8 where chains start, about
     given: Array  # (n, 3) f8
     precision: Array  # (2,) f8 of independent errors of the given poses: 1/m², 1/rad²; 0: none, the first pose is held
     motion: Array  # (n - 1, 3) f8 measured step to the next pose, in the frame of the former; (0, 3): no odometry

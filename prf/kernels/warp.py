@@ -17,7 +17,6 @@ from prf.kernels.graph import Graph, vertex_sine_now
 from prf.kernels.grid import walk
 from prf.kernels.guards import Guards, meets_any
 from prf.kernels.pose_change import keep_poses, readings_change, sites_are_white
-from prf.kernels.pose_moves import random_scale, spread_of
 from prf.kernels.poses import LOG_CHANGE, LOG_POSE_PRIOR, Poses, log_pose_prior
 from prf.kernels.prior import log_prior
 
@@ -37,24 +36,52 @@ SHARE_OF_ALL = 0.3
 """Share of fields that move all alike."""
 NARROWEST = 1.0
 """Least radius, metres."""
-OVERLAP = 10.0
-"""Poses, about, that look at one place: what all of them may vary by together is so much less."""
+LEAST_SCALE = 0.03
+MOST_SCALE = 2.0
+"""Fields are scaled by a factor between these, even in its logarithm, of what the errors of given poses allow."""
 
 
 @core
 def draw_field(window: Array, poses: Poses, rng: Rng) -> None:
-    """Draw a field: its middle at a pose as it was given, its radius even in the logarithm."""
-    work = poses.work
-    n = poses.given.shape[0]
-    i = int(rng.random() * n)
-    work[CENTRE], work[CENTRE + 1] = poses.given[i, 0], poses.given[i, 1]
-    widest = max(window[2] - window[0], window[3] - window[1])
+    """Draw a field: its middle where a pose started, its radius even in the logarithm. A held pose lies beyond it."""
+    work, start = poses.work, poses.start
+    i = int(rng.random() * start.shape[0])
+    work[CENTRE], work[CENTRE + 1] = start[i, 0], start[i, 1]
+    widest = 2.0 * max(window[2] - window[0], window[3] - window[1])
+    is_held = poses.precision[0] == 0.0
+    if is_held:
+        widest = math.sqrt((start[i, 0] - poses.pose[0, 0]) ** 2 + (start[i, 1] - poses.pose[0, 1]) ** 2)
     work[RADIUS] = math.inf
-    if rng.random() >= SHARE_OF_ALL:
-        work[RADIUS] = NARROWEST * math.pow(max(2.0 * widest / NARROWEST, 1.0), rng.random())
-    spread_of(poses, i, random_scale(rng) / math.sqrt(OVERLAP), rng, work)
-    for k in range(3):
-        work[MOTION + k] = work[k]
+    if is_held or rng.random() >= SHARE_OF_ALL:
+        work[RADIUS] = min(widest, NARROWEST * math.pow(max(widest / NARROWEST, 1.0), rng.random()))
+    scale = LEAST_SCALE * math.pow(MOST_SCALE / LEAST_SCALE, rng.random())
+    place, turn = prior_spread(poses, work)
+    work[MOTION] = scale * place * rng.standard_normal()
+    work[MOTION + 1] = scale * place * rng.standard_normal()
+    work[MOTION + 2] = scale * turn * rng.standard_normal()
+
+
+@core
+def share_at(work: Array, dx: float, dy: float) -> float:
+    """The base, whose cube is the share of the motion that a place at (dx, dy) from the middle has."""
+    radius = work[RADIUS]
+    return 1.0 if radius == math.inf else max(0.0, 1.0 - (dx * dx + dy * dy) / (radius * radius))
+
+
+@core
+def prior_spread(poses: Poses, work: Array) -> tuple[float, float]:
+    """By how much the prior lets the field shift and turn, about, one standard deviation: metres, radians."""
+    shift, turn, inside = 0.0, 0.0, 0.0
+    for i in range(poses.start.shape[0]):
+        dx, dy = poses.start[i, 0] - work[CENTRE], poses.start[i, 1] - work[CENTRE + 1]
+        share = share_at(work, dx, dy) ** 6
+        shift += share * poses.precision[0]
+        turn += share * (poses.precision[1] + poses.precision[0] * (dx * dx + dy * dy))
+        inside += share
+    if poses.precision[0] > 0.0:
+        return 1.0 / math.sqrt(shift), 1.0 / math.sqrt(turn)
+    # Errors of odometry add up over the poses inside.
+    return math.sqrt(inside / poses.weight[0, 0]), math.sqrt(inside / poses.weight[0, 2])
 
 
 @core
@@ -66,10 +93,8 @@ def displace(work: Array, x: float, y: float) -> bool:
     px, py = x, y
     for _ in range(ITERATIONS):
         dx, dy = 0.5 * (x + px) - cx, 0.5 * (y + py) - cy
-        inside = 1.0
-        if radius != math.inf:
-            inside = max(0.0, 1.0 - (dx * dx + dy * dy) / (radius * radius))
-        share = inside * inside * inside if radius != math.inf else 1.0
+        inside = share_at(work, dx, dy)
+        share = inside * inside * inside
         ux, uy = mx - turn * dy, my + turn * dx
         qx, qy = x + share * ux, y + share * uy
         done = abs(qx - px) + abs(qy - py) <= tolerance
@@ -223,10 +248,10 @@ def warp(chain: Chain, trial: Graph, trial_index: EdgeIndex, poses: Poses, rng: 
     """Displace map and poses by a random field.
 
     `trial` has arrays of its own for places, lengths and angles, `trial_index` for its lists; the rest they share.
-    Not where a pose is held, which the field would move, nor with values at points, whose colours it would change.
+    Not with values at points, whose colours it would change.
     """
     graph = chain.graph
-    if poses.precision[0] == 0.0 or chain.points.column.shape[1] > 0:
+    if chain.points.column.shape[1] > 0:
         return False
     last = poses.pose.shape[0] - 1
     draw_field(graph.window, poses, rng)

@@ -154,6 +154,7 @@ def make_poses(settings: Settings, model: PoseModel, chain: Chain) -> Poses:
     reading = rays[beams.of, c.RANGE]
     return Poses(
         pose=model.start.copy(),
+        start=model.start.copy(),
         given=prior.given.copy(),
         precision=1.0 / prior.noise**2,
         motion=prior.motion.copy(),
