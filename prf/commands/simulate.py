@@ -123,7 +123,7 @@ def _rows(result: dict[str, Any]) -> Iterator[tuple[str, str]]:
         metres, radians = result["pose_rmse"]
         yield (
             "poses",
-            f"err by {metres:.3g} m, {radians:.3g} rad (RMS), {result['output']}/true_poses.csv not",
+            f"err by {metres:.3g} m, {radians:.3g} rad (RMS); true ones in true_poses.csv",
         )
     if result["n_beams"]:
         yield "laser", f"{result['n_beams']:,} beams, {result['n_beams_returned']:,} with a return"
