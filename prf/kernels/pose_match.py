@@ -206,6 +206,8 @@ def match_pose(chain: Chain, poses: Poses, rng: Rng) -> bool:
     if not match(chain.graph, chain.edge_index, chain.beams, poses, i):
         return False
     x, y, t = solve_root(poses.work, rng.standard_normal(), rng.standard_normal(), rng.standard_normal())
+    if INFLATION * abs(t) >= math.pi:  # densities are of a heading in one turn
+        return False
     poses.new_pose[i, 0] = poses.work[MEAN] + INFLATION * x
     poses.new_pose[i, 1] = poses.work[MEAN + 1] + INFLATION * y
     poses.new_pose[i, 2] = poses.work[MEAN + 2] + INFLATION * t

@@ -3,7 +3,8 @@
 A field u of small motions, the same rigid one times a share that falls from 1 in its middle to 0 at its radius, moves
 every interior vertex and every pose. A point p moves to p' = p + u((p + p') / 2): the way back is then the same with
 the field's opposite, which is as probable, and the Jacobian of a point is det(I + Du/2) / det(I - Du/2), taken half
-way. A heading turns as a rigid body would there. What the field is does not depend on map or poses.
+way. A heading turns as a rigid body would there. What the field is does not depend on map or poses. One that is so
+steep that a point might have two such places is not used, nor is its opposite.
 """
 
 import math
@@ -15,9 +16,9 @@ from prf.kernels.edge_index import EdgeIndex, index_edge
 from prf.kernels.geometry import inside_loop, segments_meet
 from prf.kernels.graph import Graph, vertex_sine_now
 from prf.kernels.grid import walk
-from prf.kernels.guards import Guards, meets_any
+from prf.kernels.guards import GUARD_WAY, KIND, Guards, meets_any
 from prf.kernels.pose_change import keep_poses, readings_change, sites_are_white
-from prf.kernels.poses import LOG_CHANGE, LOG_POSE_PRIOR, Poses, log_pose_prior
+from prf.kernels.poses import LOG_CHANGE, LOG_POSE_PRIOR, Poses, is_white, log_pose_prior
 from prf.kernels.prior import log_prior
 
 # Entries of ``Poses.work``: the field, and what it does at one place.
@@ -27,11 +28,12 @@ MOTION = 33  # x, y, turn
 PLACE = 36  # of a point after it, 2
 TURNED = 38
 LOG_SCALED = 39  # log of the Jacobian
-LOOP = 40  # four corners
 
 ITERATIONS = 60
 EXACT = 1e-15
 """Metres over the size of coordinates below which a step towards the fixed point is rounding."""
+STEEPEST = 1.718
+"""Slope of the share of a field of radius 1 at most: 6 r (1 - r²)², greatest at r = 1 / sqrt(5)."""
 SHARE_OF_ALL = 0.3
 """Share of fields that move all alike."""
 NARROWEST = 1.0
@@ -42,8 +44,11 @@ MOST_SCALE = 2.0
 
 
 @core
-def draw_field(window: Array, poses: Poses, rng: Rng) -> None:
-    """Draw a field: its middle where a pose started, its radius even in the logarithm. A held pose lies beyond it."""
+def draw_field(window: Array, poses: Poses, rng: Rng) -> bool:
+    """Draw a field: its middle where a pose started, its radius even in the logarithm. A held pose lies beyond it.
+
+    Return whether half of it shrinks distances to a half at most: it then has one fixed point, found from anywhere.
+    """
     work, start = poses.work, poses.start
     i = int(rng.random() * start.shape[0])
     work[CENTRE], work[CENTRE + 1] = start[i, 0], start[i, 1]
@@ -51,6 +56,8 @@ def draw_field(window: Array, poses: Poses, rng: Rng) -> None:
     is_held = poses.precision[0] == 0.0
     if is_held:
         widest = math.sqrt((start[i, 0] - poses.pose[0, 0]) ** 2 + (start[i, 1] - poses.pose[0, 1]) ** 2)
+        if widest == 0.0:
+            return False
     work[RADIUS] = math.inf
     if is_held or rng.random() >= SHARE_OF_ALL:
         work[RADIUS] = min(widest, NARROWEST * math.pow(max(widest / NARROWEST, 1.0), rng.random()))
@@ -59,6 +66,8 @@ def draw_field(window: Array, poses: Poses, rng: Rng) -> None:
     work[MOTION] = scale * place * rng.standard_normal()
     work[MOTION + 1] = scale * place * rng.standard_normal()
     work[MOTION + 2] = scale * turn * rng.standard_normal()
+    slope = STEEPEST * math.sqrt(work[MOTION] ** 2 + work[MOTION + 1] ** 2) / work[RADIUS]
+    return slope + (1.0 + STEEPEST) * abs(work[MOTION + 2]) < 1.0
 
 
 @core
@@ -102,19 +111,18 @@ def displace(work: Array, x: float, y: float) -> bool:
         if done:
             work[PLACE], work[PLACE + 1] = px, py
             slope = 0.0 if radius == math.inf else -6.0 * inside * inside / (radius * radius)
-            return jacobian(work, slope * dx, slope * dy, share * turn, ux, uy)
+            jacobian(work, slope * dx, slope * dy, share * turn, ux, uy)
+            return True
     return False
 
 
 @core
-def jacobian(work: Array, slope_x: float, slope_y: float, turn: float, ux: float, uy: float) -> bool:
+def jacobian(work: Array, slope_x: float, slope_y: float, turn: float, ux: float, uy: float) -> None:
     """Write turn and log Jacobian where the share of the motion (ux, uy) changes by these slopes."""
     a, b = 0.5 * ux * slope_x, 0.5 * (ux * slope_y - turn)
     d, e = 0.5 * (uy * slope_x + turn), 0.5 * uy * slope_y
     forward = (1.0 + a) * (1.0 + e) - b * d
     backward = (1.0 - a) * (1.0 - e) - b * d
-    if not (forward > 0.0 and backward > 0.0):
-        return False
     # (I - A)^-1 (I + A): its antisymmetric part and its trace give the turn of the nearest rotation.
     m11 = (1.0 - e) * (1.0 + a) + b * d
     m12 = (1.0 - e) * b + b * (1.0 + e)
@@ -122,7 +130,6 @@ def jacobian(work: Array, slope_x: float, slope_y: float, turn: float, ux: float
     m22 = d * b + (1.0 - a) * (1.0 + e)
     work[TURNED] = math.atan2(m21 - m12, m11 + m22)
     work[LOG_SCALED] = math.log(forward / backward)
-    return True
 
 
 @core
@@ -223,6 +230,16 @@ def anchor_after(graph: Graph, trial: Graph, loop: Array) -> int:
 
 
 @core
+def way_is_white(trial: Graph, index: EdgeIndex, guards: Guards, anchor_black: int, work: Array) -> bool:
+    """Whether no wall was carried over the way that was driven, to which no edge is near."""
+    for guard in range(guards.shape.shape[0]):
+        shape = guards.shape[guard]
+        if shape[KIND] == GUARD_WAY and not is_white(trial, index, anchor_black, shape[1], shape[2], work):
+            return False
+    return True
+
+
+@core
 def keep_map(graph: Graph, index: EdgeIndex, trial: Graph, trial_index: EdgeIndex, anchor_black: int) -> None:
     """Make the displaced map the present one."""
     for kind in (c.INTERIOR_VERTICES, c.BOUNDARY_VERTICES):
@@ -254,7 +271,8 @@ def warp(chain: Chain, trial: Graph, trial_index: EdgeIndex, poses: Poses, rng: 
     if chain.points.column.shape[1] > 0:
         return False
     last = poses.pose.shape[0] - 1
-    draw_field(graph.window, poses, rng)
+    if not draw_field(graph.window, poses, rng):
+        return False
     is_inside, log_vertices = warp_vertices(graph, trial, poses)
     if not is_inside:
         return False
@@ -265,6 +283,8 @@ def warp(chain: Chain, trial: Graph, trial_index: EdgeIndex, poses: Poses, rng: 
     for i in range(last + 1):
         if not sites_are_white(trial, trial_index, poses, i, anchor_black):
             return False
+    if not way_is_white(trial, trial_index, chain.guards, anchor_black, poses.work):
+        return False
     place_angles(trial)
     map_prior = log_prior(trial, chain.density[c.SCALE])
     pose_prior = log_pose_prior(poses, poses.new_pose, 0, last)
