@@ -1,0 +1,81 @@
+"""Worlds of the joint law of map, poses and readings; moves of poses: what must not change in the mean is compared.
+
+As in :mod:`tests.statistical.joint` each trial is independent and needs no exploration of a posterior.
+``python -m tests.statistical.pose_trials RIG TRIALS SEED WARPS`` prints the z-scores as JSON.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from unittest import mock
+
+import numpy as np
+from numpy.typing import NDArray
+
+import prf
+from prf import layout
+from prf.coloring import Draws, black_areas, black_at
+from prf.kernels import constants as c
+from prf.kernels.chain import Chain
+from prf.kernels.poses import POSE_MOVES
+from prf.layout import read_coloring
+from prf.poses.plane import seen_from, wrapped
+from prf.sampler.poses import PoseTurns
+from tests.reference import pose_worlds
+from tests.reference.pose_worlds import PoseWorld, Rig, begin, draw_pose_world
+from tests.statistical.joint import z_scores
+
+STEPS = 40
+"""Of poses in a trial."""
+SPREAD = np.array([0.05, 0.0, 0.05, 0.0, 0.0, 0.05])
+"""Root of what poses are taken to vary by. It must not depend on the world."""
+N_PLACES = 6
+
+
+def values(chain: Chain, turns: PoseTurns, world: PoseWorld) -> dict[str, float]:
+    """What is compared. Means of the map and of each pose, and of how they hang together."""
+    graph, pose, model = chain.graph, turns.state.pose, world.model
+    coloring = read_coloring(graph)
+    offset = pose - model.prior.given
+    offset[:, 2] = wrapped(offset[:, 2])
+    named = {
+        "length": graph.sums[c.TOTAL_LENGTH],
+        "log prior": graph.sums[c.LOG_PRIOR],
+        "shortest edge": np.log(coloring.edge_lengths().min(initial=1.0)),
+        "log likelihood": graph.sums[c.LOG_LIKELIHOOD],
+        "log prior of poses": turns.log_prior,
+        "black area": black_areas(Draws.from_colorings([coloring]))[0],
+        "right of the middle": float((coloring.xy[:, 0] > 3.0).sum()),
+    }
+    places = np.random.default_rng(0).uniform(2.0, 4.0, (N_PLACES, 2))
+    named |= {f"colour {k}": float(black) for k, black in enumerate(black_at(coloring, places))}
+    for name, table in (("pose", offset), ("step", seen_from(pose[:-1], pose[1:]))):
+        named |= {f"{name} {i} {axis}": table[i, k] for i in range(len(table)) for k, axis in enumerate("xyt")}
+        named |= {f"{name} {i} {axis}²": table[i, k] ** 2 for i in range(len(table)) for k, axis in enumerate("xyt")}
+    return {name: float(value) for name, value in named.items()}
+
+
+def trials(rig: Rig, n: int, seed: int, warps: float, steps: int = STEPS) -> tuple[dict[str, float], dict[str, int]]:
+    """z-scores of the mean changes by name, and how many moves of each kind were accepted."""
+    changes, accepted = [], np.zeros(len(POSE_MOVES), np.int64)
+    before: dict[str, float] = {}
+    for number in range(n):
+        rng = np.random.default_rng([seed, number])
+        # Births alone look at targets, and to find those near each other takes most of the time.
+        with mock.patch.object(layout, "NEAR", 0):
+            world = draw_pose_world(rig, rng)
+            chain, turns = begin(world)
+        turns.state.spread[:] = SPREAD
+        turns.warps = warps
+        before = values(chain, turns, world)
+        chain = turns.move(chain, rng, steps)
+        changes.append(np.array(list(values(chain, turns, world).values())) - list(before.values()))
+        accepted += turns.state.outcomes[:, c.ACCEPTED]
+    z: NDArray[np.float64] = z_scores(np.array(changes))
+    return dict(zip(before, z.tolist(), strict=True)), dict(zip(POSE_MOVES, accepted.tolist(), strict=True))
+
+
+if __name__ == "__main__":
+    z, accepted = trials(getattr(pose_worlds, sys.argv[1]), int(sys.argv[2]), int(sys.argv[3]), float(sys.argv[4]))
+    print(json.dumps({"package": prf.__file__, "z": z, "accepted": accepted}))
