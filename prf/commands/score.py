@@ -14,6 +14,7 @@ MAIN = {
     "kind": "",
     "n_draws": "maps",
     "n_beams": "held-out beams with a return",
+    "pose_ess": "effective samples of a held-out pose",
     "beam_nll": "nats a beam, lower is better",
     "auc": "1 is best, 0.5 a guess: do occupied points rank above free ones",
     "nll": "nats a point, lower is better",
@@ -27,6 +28,9 @@ MAIN = {
     "seed": "",
 }
 """What is printed without ``-v``, and in words what it is (docs/scores.md has all)."""
+
+FEW = 10.0
+"""Effective samples of a pose below which its integral is doubtful."""
 
 logger = logging.getLogger(__name__)
 
@@ -59,6 +63,7 @@ def score(
     topic: o.Topic = None,
     frame: o.Frame = None,
     poses: o.Poses = None,
+    pose_noise: o.PoseNoise = None,
     max_range: o.MaxRange = None,
     noise: o.Noise = None,
     noise_relative: o.NoiseRelative = None,
@@ -88,7 +93,8 @@ def score(
     round points known to be occupied or free (auc, nll, brier), and by the distance to the first obstacle (within_0.2m,
     rmse in metres). Sonar readings are scored by their density, or the probability of no return (sonar_nll, nats).
     Cells of a true plan give iou_occupied and iou_free. Held-out readings are a log of their own, or scans that the map
-    was not made from: --skip-scans 5::10 there, --scans 5::10 here. -v prints all figures, --json too.
+    was not made from: --skip-scans 5::10 there, --scans 5::10 here. With --pose-noise the poses of held-out scans are
+    integrated out, on any kind of map. -v prints all figures, --json too.
     """
     options = locals()
 
@@ -111,7 +117,9 @@ def score(
     o.refuse_shared_stream(
         {"MAP": scored, "--laser": laser, "--sonar": sonar, "--truth": truth, "--poses": poses, "--config": config}
     )
-    configuration = load_configuration(options, SCORE_DEFAULTS, ("laser", "sonar", "readings")).settings
+    configuration = load_configuration(options, SCORE_DEFAULTS, ("laser", "sonar", "readings", "trajectory")).settings
+    if configuration.trajectory.pose_noise is not None and (laser is None or sonar is not None):
+        raise UsageError("--pose-noise: only a laser's poses are integrated out. Give --laser, and no --sonar.")
     found = open_map(scored)
     readings = read_configured(configuration, laser, sonar)
     beams = None if readings[0] is None else hold_out(readings[0], configuration)
@@ -123,7 +131,11 @@ def score(
 
 
 def _warn(scored: str, result: dict[str, Any]) -> None:
-    """Warn of what could not be scored."""
+    """Warn of what could not be scored, or not well."""
+    if result.get("pose_ess", FEW) < FEW:
+        logger.warning(
+            f"beam_nll is uncertain: {result['pose_ess']:.1f} effective samples of a held-out pose (docs/scores.md)"
+        )
     for key, what in (("n_outside", "beams"), ("n_readings_outside", "sonar readings")):
         if result.get(key):
             logger.warning(f"{result[key]} {what} dropped: their sensors are outside the window of the map")

@@ -16,6 +16,7 @@ from prf.kernels.sonar_features import POSE_X, POSE_Y
 from prf.logs import Readings, thin
 from prf.logs.describe import default_max_range
 from prf.logs.poses import fields_of_view
+from prf.poses.model import LocalReadings, pose_model
 from prf.sensors.laser import LaserModel, unit_vectors, window_exit
 from prf.sensors.sonar import SonarModel, make_poses
 from prf.shell.errors import InputError
@@ -32,6 +33,20 @@ CLIP = 1e-3  # probabilities are kept so far from 0 and 1 before their logarithm
 OUTSIDE = 0.5  # probability of a point that a map does not know
 
 
+class UncertainPoses(NamedTuple):
+    """Given poses of held-out scans, and the standard deviations of their errors."""
+
+    given: Floats  # (n_scans, 3)
+    noise: Floats  # (3,) metres, metres, radians
+    local: LocalReadings  # the beams, as their scans' given poses have them
+
+    def select(self, mask: NDArray[np.bool_]) -> UncertainPoses:
+        """Return the poses of scans that still have a beam where `mask` (n_beams,) picks some."""
+        kept, owner = np.unique(self.local.owner[mask], return_inverse=True)
+        local = LocalReadings(owner.astype(np.int32), self.local.origin[mask], self.local.angle[mask])
+        return self._replace(given=self.given[kept], local=local)
+
+
 class HeldOut(NamedTuple):
     """Beams with a return, one row each, and what was left out."""
 
@@ -41,10 +56,42 @@ class HeldOut(NamedTuple):
     range: Floats  # (n,) metres, below the maximum range of `model`
     model: LaserModel
     n_no_return: int  # beams without return, which are not scored
+    poses: UncertainPoses | None = None  # None: the poses are certain
+    # (n,) which beams are censored wherever they are moved; None: those that end beyond the window where they are
+    censored: NDArray[np.bool_] | None = None
 
     def select(self, mask: NDArray[np.bool_]) -> HeldOut:
         """Return the beams that `mask` (n,) picks."""
-        return self._replace(origin=self.origin[mask], direction=self.direction[mask], range=self.range[mask])
+        if mask.all():
+            return self
+        return self._replace(
+            origin=self.origin[mask],
+            direction=self.direction[mask],
+            range=self.range[mask],
+            poses=None if self.poses is None else self.poses.select(mask),
+            censored=None if self.censored is None else self.censored[mask],
+        )
+
+    def at(self, poses: Floats) -> HeldOut:
+        """Return the beams, n for each row of `poses` (k, n_scans, 3), as they are if these are the scans' poses."""
+        assert self.poses is not None
+        local, k = self.poses.local, len(poses)
+        x, y, turn = np.moveaxis(poses, -1, 0)[:, :, local.owner]
+        cosine, sine = np.cos(poses[..., 2])[:, local.owner], np.sin(poses[..., 2])[:, local.owner]
+        ahead, aside = local.origin.T
+        origin = np.stack([x + cosine * ahead - sine * aside, y + sine * ahead + cosine * aside], axis=-1)
+        return HeldOut(
+            origin.reshape(-1, 2),
+            unit_vectors((turn + local.angle).ravel()),
+            np.tile(self.range, k),
+            self.model,
+            self.n_no_return,
+            censored=None if self.censored is None else np.tile(self.censored, k),
+        )
+
+    def as_censored(self, window: Window | None) -> HeldOut:
+        """Return the beams, of which those that end beyond the window now remain censored when they are moved."""
+        return self._replace(censored=self.range >= self.rays(window)[:, 4])
 
     def returns(self) -> Floats:
         """Return the ends of the beams, (n, 2) in metres."""
@@ -60,7 +107,8 @@ class HeldOut(NamedTuple):
     def readings(self, rays: Floats) -> Floats:
         """Return the readings (n,) as the kernels take them: -m for one that is censored at m, the reach of its ray."""
         reach = rays[:, 4]
-        return np.where(self.range < reach, self.range, -reach)
+        censored = self.range >= reach if self.censored is None else self.censored
+        return np.where(censored, -reach, self.range)
 
 
 def hold_out(readings: Readings, config: Configuration) -> HeldOut:
@@ -74,9 +122,18 @@ def hold_out(readings: Readings, config: Configuration) -> HeldOut:
     if not returned.any():
         raise InputError(f"{readings.source}: no beam has a return below {max_range:g} m. There is nothing to score.")
     direction = unit_vectors(kept.angle)
-    return HeldOut(
-        kept.origin[returned], direction[returned], kept.range[returned], model, int(np.count_nonzero(~returned))
-    )
+    poses = _uncertain_poses(kept.select(returned), config.trajectory.pose_noise)
+    n_no_return = int(np.count_nonzero(~returned))
+    return HeldOut(kept.origin[returned], direction[returned], kept.range[returned], model, n_no_return, poses)
+
+
+def _uncertain_poses(beams: Readings, noise: tuple[float, float] | None) -> UncertainPoses | None:
+    """Return the poses of the scans of these beams; None where they are certain."""
+    if noise is None:
+        return None
+    model = pose_model(beams, None, noise)
+    assert model.laser is not None
+    return UncertainPoses(model.prior.given, np.array(noise)[[0, 0, 1]], model.laser)
 
 
 class HeldOutSonar(NamedTuple):

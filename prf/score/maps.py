@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -24,6 +24,7 @@ from prf.run import PosteriorImage, names, read_run
 from prf.score.heldout import HeldOut, HeldOutSonar
 from prf.score.polygons import OccupiedArea, area_of_cells, read_occupied_area
 from prf.score.scene import enclosing_window, first_edges, outline, scene_of_coloring, scene_of_region
+from prf.sensors.laser import LaserModel
 from prf.shell.errors import InputError
 from prf.window import Window
 
@@ -66,8 +67,20 @@ class ScoredMap(ABC):
         """Return the prediction for beams whose sensors are inside the window."""
 
     @abstractmethod
+    def density(self, model: LaserModel, rays: Floats, readings: Floats) -> Floats:
+        """Return the predictive density (n,) of readings as the kernels take them, of rays that begin in the window."""
+
+    @abstractmethod
     def predict_sonar(self, cones: HeldOutSonar) -> SonarPrediction:
         """Return the prediction for sonar readings whose sensors are inside the window."""
+
+    def singles(self, most: int) -> Sequence[ScoredMap]:
+        """Return the maps of equal weight one by one, at most so many of them, spread evenly."""
+        return [self]
+
+    def best_alone(self) -> ScoredMap | None:
+        """Return the best map, by which distances are scored; None if there is none yet."""
+        return self
 
     @abstractmethod
     def occupied(self, xy: Floats, square: float) -> Floats:
@@ -104,13 +117,24 @@ class PolygonalMaps(ScoredMap):
 
     def predict(self, beams: HeldOut) -> Prediction:
         """Return the density averaged over maps, and the distances of the best one."""
-        rays, model = beams.rays(self.window), beams.model.to_array()
-        readings, black = beams.readings(rays), self._black(beams.origin)
-        window = self.window or enclosing_window(beams.origin, beams.model.max_range, self.region)
-        total = np.zeros(len(rays))
+        rays, black = beams.rays(self.window), self._black(beams.origin)
+        density = self._density(beams.model, rays, beams.readings(rays), black)
+        return Prediction(density, self._best_distance(beams, rays, self._box(beams.model, rays)), float(black.mean()))
+
+    def density(self, model: LaserModel, rays: Floats, readings: Floats) -> Floats:
+        """Return the density averaged over maps."""
+        return self._density(model, rays, readings, self._black(rays[:, :2]))
+
+    def _density(self, model: LaserModel, rays: Floats, readings: Floats, black: Bools) -> Floats:
+        window, total = self._box(model, rays), np.zeros(len(rays))
+        short = rays.copy()  # what is beyond a reading's influence changes nothing, to the last bit
+        short[:, 4] = np.minimum(rays[:, 4], model.influence(readings))
         for segments, occupied in zip(self._segments(), black, strict=True):
-            add_densities(model, readings, first_edges(rays, segments, window), occupied, total)
-        return Prediction(total / self.n_draws, self._best_distance(beams, rays, window), float(black.mean()))
+            add_densities(model.to_array(), readings, first_edges(short, segments, window), occupied, total)
+        return total / self.n_draws
+
+    def _box(self, model: LaserModel, rays: Floats) -> Window:
+        return self.window or enclosing_window(rays[:, :2], model.max_range, self.region)
 
     def predict_sonar(self, cones: HeldOutSonar) -> SonarPrediction:
         """Return the density averaged over maps."""
@@ -138,9 +162,18 @@ class DrawsMap(PolygonalMaps):
         self.window: Window = draws.window
         self.n_draws = len(draws)
 
+    def singles(self, most: int) -> Sequence[ScoredMap]:
+        """Return draws, spread evenly over the chains, which follow one another."""
+        chosen = np.unique(np.linspace(0, len(self.draws) - 1, min(most, len(self.draws))).round().astype(int))
+        return [_alone(self.draws[i]) for i in chosen.tolist()]
+
+    def best_alone(self) -> ScoredMap | None:
+        """Return the best map as a run of one draw."""
+        return None if self.best is None else _alone(self.best)
+
     def _black(self, xy: Floats) -> Bools:
-        sensors, sensor = np.unique(xy, axis=0, return_inverse=True)
-        return np.ascontiguousarray(black_at_draws(self.draws, sensors)[:, sensor.reshape(-1)])
+        first = np.r_[True, (xy[1:] != xy[:-1]).any(axis=1)]  # beams of a scan follow one another
+        return np.ascontiguousarray(black_at_draws(self.draws, xy[first])[:, np.cumsum(first) - 1])
 
     def _segments(self) -> Iterable[Floats]:
         return (draw.segments() for draw in self.draws)
@@ -161,6 +194,10 @@ class DrawsMap(PolygonalMaps):
     def seen(self, xy: Floats) -> Bools | None:
         """Return which points lie in cells of the image that a reading crossed or ended in."""
         return None if self.image is None else self.image.seen_at(xy)
+
+
+def _alone(coloring: Coloring) -> DrawsMap:
+    return DrawsMap(Draws.from_colorings([coloring]), coloring)
 
 
 class PolygonMap(PolygonalMaps):
@@ -207,12 +244,20 @@ class GridMap(ScoredMap):
 
     def predict(self, beams: HeldOut) -> Prediction:
         """Return the density that first hits among the cells give, and the distance of the first likely one."""
-        density, distance = np.empty(len(beams.range)), np.empty(len(beams.range))
-        occupancy = self.grid.occupancy.astype(np.float64)
-        rays, model = beams.rays(self.window), beams.model.to_array()
-        grid_beams(self.grid.cells, occupancy, model, BIN, rays, beams.readings(rays), density, distance)
+        rays = beams.rays(self.window)
+        density, distance = self._beams(beams.model, rays, beams.readings(rays))
         at_sensor = cells_occupied(self.grid, beams.origin) > OCCUPIED
         return Prediction(density, np.where(at_sensor, 0.0, distance), float(at_sensor.mean()))
+
+    def density(self, model: LaserModel, rays: Floats, readings: Floats) -> Floats:
+        """Return the density that first hits among the cells give."""
+        return self._beams(model, rays, readings)[0]
+
+    def _beams(self, model: LaserModel, rays: Floats, readings: Floats) -> tuple[Floats, Floats]:
+        density, distance = np.empty(len(rays)), np.empty(len(rays))
+        occupancy = self.grid.occupancy.astype(np.float64)
+        grid_beams(self.grid.cells, occupancy, model.to_array(), BIN, rays, readings, density, distance)
+        return density, distance
 
     def predict_sonar(self, cones: HeldOutSonar) -> SonarPrediction:
         """Return the densities that the contours of the grid give, and that first hits among its cells give."""

@@ -9,13 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from prf.score.heldout import CLIP, OUTSIDE, SQUARE, HeldOut, HeldOutSonar
-from prf.score.maps import Prediction, ScoredMap, SonarPrediction
+from prf.score.maps import ScoredMap, SonarPrediction
+from prf.score.poses import marginalise
 from prf.score.truth import TrueCells, truth_scores
 from prf.shell.errors import ConfigError, InputError
 from prf.shell.seeds import spawn_generators
 from prf.window import LARGEST_RANGE
 
 Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
 
 NEAR = 0.2  # metres within which a distance counts as right
 FREE_UP_TO = 0.95  # share of a beam on which free points lie
@@ -56,21 +58,51 @@ def _laser_scores(scored: ScoredMap, held_out: HeldOut, seed: int, square: float
     """Return the scores that beams give."""
     inside = _known(scored, held_out.origin)
     beams = held_out.select(inside)
-    prediction = scored.predict(beams)
-    points = draw_points(beams, spawn_generators(seed, 1)[0])
+    judged = _certain_scores if beams.poses is None else _marginal_scores
     return {
         "n_beams": len(beams.range),
         "n_outside": int(np.count_nonzero(~inside)),
         "n_no_return": held_out.n_no_return,
         "n_censored": int(np.count_nonzero(beams.readings(beams.rays(scored.window)) < 0.0)),
-        "beam_nll": -float(np.log(prediction.density).mean()),
-        **point_scores(scored, points, square),
-        **distance_scores(prediction, beams),
-        "sensor_occupied": prediction.share_occupied,
-        "n_points": len(points.occupied),
+        **judged(scored, beams, seed, square),
         "square": square,
         "max_range": beams.model.max_range,
         "seed": seed,
+    }
+
+
+def _certain_scores(scored: ScoredMap, beams: HeldOut, seed: int, square: float) -> dict[str, Any]:
+    """Return the scores of beams where they are."""
+    prediction = scored.predict(beams)
+    points = draw_points(beams, spawn_generators(seed, 1)[0])
+    return {
+        "beam_nll": -float(np.log(prediction.density).mean()),
+        **point_scores(scored, points, square),
+        **distance_scores(prediction.distance, beams),
+        "sensor_occupied": prediction.share_occupied,
+        "n_points": len(points.occupied),
+    }
+
+
+def _marginal_scores(scored: ScoredMap, beams: HeldOut, seed: int, square: float) -> dict[str, Any]:
+    """Return the scores of beams whose poses are integrated out; those of points and distances are at mean poses."""
+    assert beams.poses is not None
+    found = marginalise(scored, beams, spawn_generators(seed, 2)[1])
+    points = [draw_points(placed, spawn_generators(seed, 1)[0]) for placed in found.placed]  # the same along each beam
+    shares = [one.predict(placed).share_occupied for one, placed in zip(found.maps, found.placed, strict=True)]
+    probability = np.zeros(len(points[0].occupied))
+    for one, at in zip(found.maps, points, strict=True):
+        probability += np.nan_to_num(one.occupied(at.xy, square), nan=OUTSIDE) / len(found.maps)
+    middle = np.mean([at.xy for at in points], axis=0)
+    return {
+        "beam_nll": found.beam_nll,
+        **_point_scores(probability, points[0].occupied, scored.seen(middle)),
+        **distance_scores(found.best, beams),
+        "sensor_occupied": float(np.mean(shares)),
+        "n_points": len(probability),
+        "pose_noise": beams.poses.noise[1:].tolist(),
+        "pose_draws": len(found.maps),
+        "pose_ess": found.ess,
     }
 
 
@@ -92,20 +124,22 @@ def sonar_scores(prediction: SonarPrediction, cones: HeldOutSonar, n_outside: in
 
 def point_scores(scored: ScoredMap, points: LabelledPoints, square: float) -> dict[str, float]:
     """Return ``auc``, ``nll``, ``brier`` of all points, and of those that some reading of the map's log saw."""
-    probability = scored.occupied(points.xy, square)
-    found = classification_scores(probability, points.occupied)
-    seen = scored.seen(points.xy)
+    return _point_scores(scored.occupied(points.xy, square), points.occupied, scored.seen(points.xy))
+
+
+def _point_scores(probability: Floats, occupied: Bools, seen: Bools | None) -> dict[str, float]:
+    found = classification_scores(probability, occupied)
     if seen is None:
         return {**found, **dict.fromkeys(("share_unseen", *(f"{name}_seen" for name in found)), math.nan)}
-    known = classification_scores(probability[seen], points.occupied[seen])
+    known = classification_scores(probability[seen], occupied[seen])
     return {**found, "share_unseen": float(np.mean(~seen)), **{f"{name}_seen": v for name, v in known.items()}}
 
 
-def distance_scores(prediction: Prediction, beams: HeldOut) -> dict[str, float]:
+def distance_scores(distance: Floats, beams: HeldOut) -> dict[str, float]:
     """Return ``within_0.2m``, ``rmse`` in metres, and ``no_obstacle``, the share of beams that meet none."""
-    error = np.abs(beams.range - prediction.distance)
-    met = prediction.distance < beams.model.max_range
-    if np.isnan(prediction.distance).any():
+    error = np.abs(beams.range - distance)
+    met = distance < beams.model.max_range
+    if np.isnan(distance).any():
         return dict.fromkeys(("within_0.2m", "rmse", "no_obstacle"), math.nan)
     return {
         "within_0.2m": float(np.mean(error < NEAR)),

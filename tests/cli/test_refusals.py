@@ -53,6 +53,7 @@ CASES = (
     ("prf score run", 2, "--laser"),
     (f"prf score run {LASER} --noise 0", 2, "noise"),
     (f"prf score run {LASER} --square -1", 2, "square"),
+    (f"prf score run {LASER} {SONAR} --pose-noise 0.1 0.1", 2, "no --sonar"),
     ("prf simulate", 2, "-o"),
     (f"{SIMULATE} --size 2 2", 2, "size"),
     (f"{SIMULATE} --scale 1", 2, "--scale is for --world arak"),

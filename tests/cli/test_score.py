@@ -74,6 +74,15 @@ def test_resultof_polygonal_maps(
     assert wide["brier"] != result["brier"]
 
 
+def test_uncertain_poses(folder: Path, table: Path, capsys: pytest.CaptureFixture) -> None:
+    args = ("score", folder / "map.geojson", "--laser", table, "--max-range", 20, "--seed", 4, "--json")
+    assert run(*args, "--pose-noise", 0.05, 0.01) == 0
+    first = json.loads(capsys.readouterr().out)
+    assert (first["pose_noise"], first["pose_draws"], first["n_beams"], first["n_outside"]) == ([0.05, 0.01], 1, 50, 25)
+    assert run(*args, "--set", "trajectory.pose_noise=[0.05, 0.01]") == 0
+    assert json.loads(capsys.readouterr().out) == first
+
+
 def test_held_out_scans_of_the_log_that_a_grid_was_made_from(
     log: Path, tmp_path: Path, capsys: pytest.CaptureFixture
 ) -> None:
