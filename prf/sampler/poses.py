@@ -31,7 +31,7 @@ from prf.sensors.sonar import make_cones
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-MAP_STEPS = 8_000
+MAP_STEPS = 16_000
 """Steps of the map in a cycle."""
 STEPS_PER_POSE = 4
 LEAST_POSE_STEPS = 200
