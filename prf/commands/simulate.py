@@ -11,7 +11,6 @@ from prf.shell.options import Assignments, Force, Json, Output, Seed
 
 EXAMPLES = (
     "prf simulate --seed 1 -o wing",
-    "prf simulate --size 20 14 --sonar --readings 29120 --seed 1 -o small",
     "prf simulate --world arak --scale 0.1 --size 30 30 --seed 1 -o draw",
     "prf simulate --seed 1 --odometry wheels -o drift",
     "prf simulate --world map.yaml --path drive.csv --no-laser --sonar -o run",
