@@ -20,11 +20,13 @@ from prf.poses.scans import Scans
 
 Ints = NDArray[np.int64]
 SECTORS = 8  # of the direction of normals
+EXACT, MOST = 1e-3, 200  # share of the right hand side that a solution leaves at most, and rounds of its search
 ROUNDS = 24
 SETTLING = 8  # last rounds, all with the smallest squares; their mean is the result
 SMALLEST, LARGEST = 0.4, 1.5  # metres, sides of squares
 NARROW, WIDE = 0.1, 0.5  # metres, and share of the side: distance from a line at which a point counts a quarter
 BLUR = 0.3  # of that distance: what points stray besides the noise, lest wrong lines pull more than what is given
+SLOPE = 1.0 / 0.15**2  # one over the variance of the mean normal of a line, 1/rad2
 STEP = np.array([0.3, 0.3, 0.1])  # m, m, rad: largest change of a pose in a round
 
 
@@ -33,6 +35,7 @@ class Lines(NamedTuple):
 
     owner: Ints  # (m,) state
     line: Ints  # (m,) line
+    along: Floats  # (m,) metres along the line, from the middle of its points
     lever: Floats  # (m, 3) change of the distance from the line by a change of the state
     distance: Floats  # (m,) metres
     weight: Floats  # (m,) 1/m2
@@ -69,26 +72,35 @@ def common_lines(
     scans: Scans, poses: Floats, side: float, tolerance: float, rng: np.random.Generator, reach: int = 0
 ) -> Lines:
     """Return the lines of squares of a side (m), laid at random, in which points of several states lie."""
+    epoch = np.zeros_like(scans.owner)
+    if reach:
+        # Two sets of stretches, each across the seams of the other.
+        start = scans.owner + rng.integers(2 * reach)
+        epoch = np.concatenate([start // (2 * reach), (start + reach) // (2 * reach) + len(poses) + 1])
+        scans = scans.select(np.tile(np.arange(len(start)), 2))
     world, normal = scans.at(poses)
     column, row = np.floor((world + rng.uniform(0.0, side, 2)) / side).astype(np.int64).T
     turn = np.arctan2(normal[:, 1], normal[:, 0]) + rng.uniform(0.0, 2.0 * np.pi)
     sector = np.floor(turn * (SECTORS / (2.0 * np.pi))).astype(np.int64) % SECTORS
-    epoch = (scans.owner + rng.integers(2 * reach)) // (2 * reach) if reach else np.zeros_like(scans.owner)
     line = _numbered(epoch, sector, column, row)
     n = int(line.max(initial=-1)) + 1
     sure = scans.weight / (1.0 + scans.weight * (BLUR * tolerance) ** 2)
-    weight = sure
+    weight, across = sure, _mean(line, normal, sure, n)
     for _ in range(3):
-        centre, across = _mean(line, world, weight, n), _mean(line, normal, weight, n)
-        across /= np.maximum(np.linalg.norm(across, axis=1), 1e-9)[:, None]
-        distance = np.einsum("ij,ij->i", across[line], world - centre[line])
+        centre, across = _mean(line, world, weight, n), _straight(across)
+        off = world - centre[line]
+        distance = np.einsum("ij,ij->i", across[line], off)
+        along = across[line, 0] * off[:, 1] - across[line, 1] * off[:, 0]
         weight = sure / np.square(1.0 + np.square(distance / tolerance))
+        slope = np.bincount(line, weight * along * distance, n) / (np.bincount(line, weight * along**2, n) + SLOPE)
+        across = across - slope[:, None] * np.column_stack([-across[:, 1], across[:, 0]])
+    along -= _mean(line, along[:, None], weight, n)[line, 0]
     own = poses[scans.owner, 2]
     cosine, sine = np.cos(own), np.sin(own)
     x, y = across[line].T
     ahead, aside = cosine * x + sine * y, cosine * y - sine * x
     lever = np.column_stack([ahead, aside, scans.point[:, 0] * aside - scans.point[:, 1] * ahead])
-    return Lines(scans.owner, line, lever, distance, weight, n)
+    return Lines(scans.owner, line, along, lever, distance, weight, n)
 
 
 def _numbered(*columns: Ints) -> Ints:
@@ -97,6 +109,10 @@ def _numbered(*columns: Ints) -> Ints:
     for each in columns:
         key = key * (int(np.ptp(each)) + 1) + each - each.min()
     return np.unique(key, return_inverse=True)[1].astype(np.int64)
+
+
+def _straight(vector: Floats) -> Floats:
+    return np.asarray(vector / np.maximum(np.linalg.norm(vector, axis=1), 1e-9)[:, None])
 
 
 def _mean(line: Ints, values: Floats, weight: Floats, n: int) -> Floats:
@@ -113,15 +129,24 @@ def _solve(lines: Lines, poses: Floats, pull: Pull, rng: np.random.Generator | N
         [np.bincount(lines.owner, weighed[:, i] * lines.lever[:, j], n) for i in range(3) for j in range(3)]
     )
     own = csc_matrix(block_diag(list(blocks.T.reshape(n, 3, 3)))) + held
-    mass = np.bincount(lines.line, lines.weight, lines.n_lines)
-    mean = np.bincount(lines.line, lines.weight * lines.distance, lines.n_lines) / mass
-    left = lines.distance - mean[lines.line]
+    # Two unknowns a line are eliminated: its offset, and its slope, which the normals of its points say roughly.
+    form = np.column_stack([np.ones(len(lines.along)), lines.along])
+    column = lines.line[:, None] + [0, lines.n_lines]
+    mass = np.bincount(column.ravel(), (lines.weight[:, None] * form**2).ravel()) + np.repeat(
+        [0.0, SLOPE], lines.n_lines
+    )
+    mean = np.bincount(column.ravel(), ((lines.weight * lines.distance)[:, None] * form).ravel()) / mass
+    left = lines.distance - (mean[column] * form).sum(axis=1)
     for axis in range(3):
         right[axis::3] -= np.bincount(lines.owner, weighed[:, axis] * left, n)
-    at = (3 * lines.owner[:, None] + np.arange(3)).ravel()
-    shared = coo_matrix((weighed.ravel(), (at, np.repeat(lines.line, 3))), shape=(3 * n, lines.n_lines)).tocsr()
+    at = np.broadcast_to(3 * lines.owner[:, None, None] + np.arange(3)[:, None], (len(left), 3, 2))
+    values = weighed[:, :, None] * form[:, None]
+    place = (at.ravel(), np.broadcast_to(column[:, None], at.shape).ravel())
+    shared = coo_matrix((values.ravel(), place), shape=(3 * n, 2 * lines.n_lines)).tocsr()
     back = csr_matrix(shared.T)
     rough = splu(own)
     matrix = LinearOperator((3 * n, 3 * n), lambda v: own @ v - shared @ ((back @ v) / mass), dtype=np.float64)
-    found, _ = cg(matrix, right, rtol=1e-3, maxiter=200, M=LinearOperator(matrix.shape, rough.solve, dtype=np.float64))
+    found, _ = cg(
+        matrix, right, rtol=EXACT, maxiter=MOST, M=LinearOperator(matrix.shape, rough.solve, dtype=np.float64)
+    )
     return np.asarray(found).reshape(n, 3)

@@ -34,6 +34,11 @@ class Relations(NamedTuple):
         return Relations(self.tail[mask], self.head[mask], self.pose[mask], self.root[mask])
 
 
+def root_of(covariance: Floats) -> Floats:
+    """Return the square roots (k, 3, 3) of the information, by the covariances (k, 3, 3) of errors."""
+    return np.asarray(np.swapaxes(np.linalg.cholesky(np.linalg.inv(covariance)), 1, 2))
+
+
 def errors(relations: Relations, poses: Floats) -> Floats:
     """Return the errors (k, 3) of relations in standard deviations."""
     error = seen_from(poses[relations.tail], poses[relations.head]) - relations.pose

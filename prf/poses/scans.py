@@ -45,7 +45,9 @@ class Scans(NamedTuple):
 
 def scans_of(model: PoseModel, laser: Readings, noise: float) -> Scans:
     """Return the returns of the laser; those without neighbours on a line are left out."""
-    assert model.laser is not None
+    if model.laser is None:
+        none = np.zeros((0, 2))
+        return Scans(np.zeros(0, np.int64), none, none, np.zeros(0), len(model.scan))
     hit = laser.returned
     owner, origin = model.laser.owner[hit].astype(np.int64), model.laser.origin[hit]
     away = laser.range[hit]

@@ -1,23 +1,47 @@
-"""Where chains of uncertain poses start: at poses at which the scans agree."""
+"""Where chains of uncertain poses start: at poses at which the scans agree.
+
+Given poses are aligned as they are. Odometry is first corrected on the way, then loops are closed.
+"""
 
 from __future__ import annotations
+
+import logging
+from typing import NamedTuple
 
 import numpy as np
 
 from prf.logs import Readings
 from prf.poses.align import align, dispersed
-from prf.poses.graph import Pull, Relations
+from prf.poses.follow import follow
+from prf.poses.graph import Pull, Relations, root_of
+from prf.poses.loops import LoopMatch, close_loops
 from prf.poses.model import PoseModel, PosePrior
 from prf.poses.plane import Floats
-from prf.poses.scans import scans_of
+from prf.poses.scans import Scans, scans_of
+
+logger = logging.getLogger(__name__)
 
 FAR = 5.0  # metres, a usual range: how far an error of the heading moves points
 HELD = 1e6  # one over the standard deviation, m or rad, of the first pose where it fixes the frame
-MOST_POINTS = 150_000  # more say little more
+LEFT = 0.1  # metres that points lie apart once loops are closed, about
+MOST_POINTS = 100_000  # more say little more
+
+
+class Start(NamedTuple):
+    """Poses at which scans agree, what they are drawn round by, and where else the robot may have been."""
+
+    poses: Floats  # (n, 3)
+    scans: Scans
+    pull: Pull
+    loops: list[LoopMatch]  # of odometry: plausible closures, used or not
+
+    def draw(self, rng: np.random.Generator) -> Floats:
+        """Return poses (n, 3) from the normal approximation of their posterior, so that chains start apart."""
+        return dispersed(self.scans, self.poses, self.pull, rng) if len(self.scans.owner) else self.poses.copy()
 
 
 def find_trajectory(model: PoseModel, laser: Readings, noise: float, rng: np.random.Generator | None = None) -> Floats:
-    """Return poses at which scans agree, for a chain to start at.
+    """Return poses at which scans agree, for a chain to start at; for several chains see :func:`find_start`.
 
     Parameters
     ----------
@@ -28,32 +52,39 @@ def find_trajectory(model: PoseModel, laser: Readings, noise: float, rng: np.ran
     noise : float
         Standard deviation of a range, metres.
     rng : numpy.random.Generator, optional
-        Draws from the normal approximation of the posterior of the poses, so that chains start apart; without it the
-        poses are its mode, and always the same.
+        Draws from the normal approximation of the posterior of the poses; without it the poses are its mode.
 
     Returns
     -------
     (n, 3) float64
         x, y in metres and heading in radians.
     """
-    if model.laser is None:
-        return model.prior.given.copy()
-    random = np.random.default_rng(0) if rng is None else rng
-    scans, prior = scans_of(model, laser, noise), model.prior
+    start = find_start(model, laser, noise)
+    return start.poses if rng is None else start.draw(rng)
+
+
+def find_start(model: PoseModel, laser: Readings, noise: float) -> Start:
+    """Return poses at which scans agree, arguments as of :func:`find_trajectory`; always the same for the same."""
+    prior, pull = model.prior, pull_of(model.prior)
+    scans = scans_of(model, laser, noise)
+    if not len(scans.owner):
+        return Start(prior.given.copy(), scans, pull, [])
+    poses, loops, error = prior.given, list[LoopMatch](), float(prior.noise[0] + FAR * prior.noise[1])
+    if prior.is_held:
+        followed, steps = follow(scans, prior)
+        poses, loops = close_loops(scans, followed, pull._replace(relations=steps))
+        n_used = sum(loop.is_used for loop in loops)
+        logger.info(f"start trajectory: {n_used} closures of loops, {len(loops) - n_used} plausible ones left out")
+        error = LEFT
     scans = scans.select(np.arange(len(scans.owner)) % (1 + len(scans.owner) // MOST_POINTS) == 0)
-    pull = pull_of(prior)
-    error = float(prior.noise[0] + FAR * prior.noise[1])
-    poses = align(scans, prior.given, pull, error, random)
-    return poses if rng is None else dispersed(scans, poses, pull, rng)
+    return Start(align(scans, poses, pull, error, np.random.default_rng(0)), scans, pull, loops)
 
 
 def pull_of(prior: PosePrior) -> Pull:
     """Return the density of the poses as errors in standard deviations."""
-    n, k = len(prior.given), len(prior.motion)
+    n, steps = len(prior.given), np.arange(len(prior.motion))
     sharpness = np.zeros((n, 3)) if prior.is_held else np.tile(1.0 / prior.noise[[0, 0, 1]], (n, 1))
     if prior.is_held:
         sharpness[0] = HELD
-    root = np.zeros((k, 3, 3))
-    root[:, [0, 1, 2], [0, 1, 2]] = 1.0 / prior.spread
-    steps = np.arange(k, dtype=np.int64)
+    root = root_of(np.square(prior.spread)[:, :, None] * np.eye(3))
     return Pull(prior.given, sharpness, Relations(steps, steps + 1, prior.motion, root))

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 
 from prf.logs import LogNotes, Readings, ScanTable
+from prf.poses.model import ODOMETRY, pose_model
 from prf.poses.plane import compose
 from prf.simulate.laser import LaserPhysics, simulate_laser
 
@@ -14,6 +18,37 @@ def box(x0, y0, x1, y1):
 
 
 ROOM = np.array([*box(0, 0, 8, 6), *box(2.5, 2.0, 3.3, 3.4), *box(5.5, 3.5, 6.5, 4.0)])
+
+BLOCK = np.array(
+    [
+        *box(0, 0, 16, 12),
+        *box(3, 3, 13, 9),
+        *box(0, 5, 0.6, 6),
+        *box(6, 2.5, 7, 3),
+        *box(15.2, 8, 16, 8.4),
+        *box(9, 11, 10.5, 12),
+    ]
+)
+
+
+def round_the_block(spacing=0.6):
+    """Return poses (n, 3) of a drive once and a half round the corridor of the block."""
+    corners = np.array([(1.5, 1.5), (14.5, 1.5), (14.5, 10.3), (1.5, 10.3)] * 2)[:7]
+    poses = []
+    for (x0, y0), (x1, y1) in itertools.pairwise(corners.tolist()):
+        share = np.arange(0.0, 1.0, spacing / np.hypot(x1 - x0, y1 - y0))
+        heading = np.full(len(share), np.arctan2(y1 - y0, x1 - x0))
+        poses.append(np.column_stack([x0 + share * (x1 - x0), y0 + share * (y1 - y0), heading]))
+    found = np.concatenate(poses)
+    found[:, 2] = np.unwrap(found[:, 2])
+    # Corners are cut, as a robot does that turns while it drives.
+    return np.column_stack([uniform_filter1d(each, 4, mode="nearest") for each in found.T])
+
+
+def odometry_of(truth, kind="wheels"):
+    """Return the prior of poses (n, 3) by odometry along them."""
+    readings = readings_at(ROOM, np.array([[4.0, 1.0, 0.0]] * len(truth)), truth, n_beams=2)
+    return pose_model(readings, None, None, ODOMETRY[kind]).prior
 
 
 def readings_at(walls, truth, given, seed=0, n_beams=90):

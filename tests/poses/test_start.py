@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from prf.poses.model import pose_model
-from prf.poses.start import find_trajectory
-from tests.poses.drives import ROOM, off, readings_at
+from prf.poses.model import ODOMETRY, pose_model
+from prf.poses.plane import seen_from
+from prf.poses.start import find_start, find_trajectory
+from tests.poses.drives import BLOCK, ROOM, odometry_of, off, readings_at, round_the_block
 
 ROUND = np.linspace(0.0, 2.0 * np.pi, 40)
 TRUTH = np.column_stack([4.2 + 2.6 * np.cos(ROUND), 2.6 + 1.9 * np.sin(ROUND), ROUND + np.pi / 2])
@@ -24,3 +25,18 @@ def test_disturbed_poses_of_a_room_are_found_again(noise):
     drawn = [find_trajectory(model, readings, 0.03, np.random.default_rng(seed)) for seed in (1, 1, 2)]
     np.testing.assert_array_equal(drawn[0], drawn[1])
     assert 0.002 < off(drawn[0], drawn[2]) < 0.1
+
+
+def test_a_loop_of_odometry_is_closed():
+    truth = round_the_block()
+    prior = odometry_of(truth, "poor")
+    readings = readings_at(BLOCK, truth, prior.draw(np.random.default_rng(4)))
+    model = pose_model(readings, None, None, ODOMETRY["poor"])
+    assert off(model.prior.given, truth) > 1.0
+    start = find_start(model, readings, 0.03)
+    assert off(start.poses, truth) < 0.1
+    np.testing.assert_allclose(start.poses[0], model.prior.given[0], atol=1e-6)
+    used = [loop for loop in start.loops if loop.is_used]
+    errors = [seen_from(truth[loop.tail], truth[loop.head])[:2] - loop.pose[:2] for loop in used]
+    assert len(used) > 3
+    assert np.median(np.hypot(*np.transpose(errors))) < 0.1
