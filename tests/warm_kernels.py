@@ -37,7 +37,7 @@ from tests.reference.recompute import recompute_impacts
 DATA = Path(__file__).resolve().parent.parent / "data"
 LOG, TOWN = DATA / "demo-office.log.gz", DATA / "demo-town.ply.gz"
 CHAIN = (
-    *(f"prf {line}" for job in ("prior", "sonar", "points") for line in prf_warm.COMMANDS[job]),
+    *(f"prf {line}" for job in ("prior", "sonar", "points", "poses") for line in prf_warm.COMMANDS[job]),
     f"prf sample --laser {LOG} --every-scan 10 --every-beam 12 --set thinning.beam_density=0.1 --chains 2 --steps 2000"
     " --resolution 1 --seed 1 -o run",
 )

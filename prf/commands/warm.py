@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated
 
 import typer
@@ -13,6 +14,12 @@ EXAMPLES = ("prf warm", "prf warm --for laser --for maps", "PRF_CACHE_DIR=/opt/p
 FILES = {
     "laser.csv": "scan,x,y,theta,range\n"
     + "".join(f"{scan},{5 + scan},7,{0.1 * k:.1f},{2 + k % 3}\n" for scan in range(3) for k in range(60)),
+    "drive.csv": "scan,x,y,theta,range\n"
+    + "".join(
+        f"{scan},{5 + 0.1 * scan},7,{0.1 * k:.1f},{2 / max(abs(math.cos(0.1 * k)), abs(math.sin(0.1 * k))):.3f}\n"
+        for scan in range(3)
+        for k in range(60)
+    ),
     "sonar.csv": "x,y,theta,range,cone\n5.0,7.0,0.0,2.0,0.349\n",
     "values.csv": "x,y,value\n5.0,7.0,0\n6.0,7.0,1\n5.0,8.0,1\n6.0,8.0,0\n",
     "points.csv": "x,y\n5.0,7.0\n6.0,7.0\n",
@@ -21,7 +28,10 @@ FEW = "--steps 2000 --chains 2 --resolution 1 --seed 1"
 COMMANDS = {
     "laser": (f"sample --laser laser.csv {FEW} --set thinning.beam_density=1 -o run",),
     "sonar": (f"sample --sonar sonar.csv --window 3 5 8 9 {FEW} -o echoes",),
-    "poses": (f"sample --laser laser.csv --pose-noise 0.05 0.01 {FEW} -o drive",),
+    "poses": (
+        f"sample --laser laser.csv --pose-noise 0.05 0.01 {FEW} -o drive",
+        f"sample --laser drive.csv --odometry wheels {FEW} -o loop",
+    ),
     "points": (f"sample --point-data values.csv {FEW} -o points",),
     "prior": (
         "prior --scale 1 --window 0 0 1 1 --draws 3 --method exact --seed 1 -o exact.geojsonl",

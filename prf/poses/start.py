@@ -41,7 +41,7 @@ class Start(NamedTuple):
 
 
 def find_trajectory(model: PoseModel, laser: Readings, noise: float, rng: np.random.Generator | None = None) -> Floats:
-    """Return poses at which scans agree, for a chain to start at; for several chains see :func:`find_start`.
+    """Return poses at which scans agree, for a chain to start at.
 
     Parameters
     ----------
@@ -52,15 +52,19 @@ def find_trajectory(model: PoseModel, laser: Readings, noise: float, rng: np.ran
     noise : float
         Standard deviation of a range, metres.
     rng : numpy.random.Generator, optional
-        Draws from the normal approximation of the posterior of the poses; without it the poses are its mode.
+        Draws from the normal approximation of the posterior of the poses; without it the poses are its mode. That is
+        `model.start` if it has been found already.
 
     Returns
     -------
     (n, 3) float64
         x, y in metres and heading in radians.
     """
-    start = find_start(model, laser, noise)
-    return start.poses if rng is None else start.draw(rng)
+    if rng is None:
+        return find_start(model, laser, noise).poses
+    if np.array_equal(model.start, model.prior.given):
+        return find_start(model, laser, noise).draw(rng)
+    return Start(model.start, _fewer(scans_of(model, laser, noise)), pull_of(model.prior), []).draw(rng)
 
 
 def find_start(model: PoseModel, laser: Readings, noise: float) -> Start:
@@ -76,8 +80,13 @@ def find_start(model: PoseModel, laser: Readings, noise: float) -> Start:
         n_used = sum(loop.is_used for loop in loops)
         logger.info(f"start trajectory: {n_used} closures of loops, {len(loops) - n_used} plausible ones left out")
         error = LEFT
-    scans = scans.select(np.arange(len(scans.owner)) % (1 + len(scans.owner) // MOST_POINTS) == 0)
-    return Start(align(scans, poses, pull, error, np.random.default_rng(0)), scans, pull, loops)
+    fewer = _fewer(scans)
+    return Start(align(fewer, poses, pull, error, np.random.default_rng(0)), fewer, pull, loops)
+
+
+def _fewer(scans: Scans) -> Scans:
+    """Return evenly chosen points, at most `MOST_POINTS`."""
+    return scans.select(np.arange(len(scans.owner)) % (1 + len(scans.owner) // MOST_POINTS) == 0)
 
 
 def pull_of(prior: PosePrior) -> Pull:
