@@ -16,6 +16,7 @@ from prf.coloring import Draws
 from prf.configuration import Start
 from prf.convergence import Diagnosis, diagnose, disagree
 from prf.kernels import constants as c
+from prf.kernels.poses import POSE_MOVES
 from prf.layout import image_grid, pixel_centres, run_chain
 from prf.poses.posterior import Trajectory, pose_functionals
 from prf.posterior import Settings
@@ -278,6 +279,15 @@ class Sampler:
         """Return (n_moves, 3) counts over all chains: proposed, valid, accepted."""
         total: NDArray[np.int64] = np.sum([chain.chain.outcomes for chain in self.chains], axis=0)
         return total
+
+    def named_outcomes(self) -> dict[str, NDArray[np.int64]]:
+        """Return the counts (3,) of each move by its name, those of poses among them where these are uncertain."""
+        found = {name: counts for (name, _), counts in zip(c.MOVES, self.outcomes(), strict=True)}
+        turns = [chain.poses for chain in self.chains if chain.poses is not None]
+        if turns:
+            total = np.sum([turn.state.outcomes for turn in turns], axis=0)
+            found |= dict(zip(POSE_MOVES, total, strict=True))
+        return found
 
     def swaps(self) -> list[SwapReport]:
         """Return the state of the temperature ladder of each chain; empty without parallel tempering."""

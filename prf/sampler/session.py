@@ -247,7 +247,7 @@ class Session:
             "suggested_seconds": expected.seconds,
             "acceptance": {
                 name: {"proposed": int(counts[c.PROPOSED]), "accepted": int(counts[c.ACCEPTED])}
-                for (name, _), counts in zip(c.MOVES, sampler.outcomes(), strict=True)
+                for name, counts in sampler.named_outcomes().items()
             },
             "steps_per_second": self.progress.steps_per_second,
         }
