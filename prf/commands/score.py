@@ -29,7 +29,7 @@ MAIN = {
 }
 """What is printed without ``-v``, and in words what it is (docs/scores.md has all)."""
 
-FEW = 10.0
+FEW = 5.0
 """Effective samples of a pose below which its integral is doubtful."""
 
 logger = logging.getLogger(__name__)

@@ -76,13 +76,15 @@ class HeldOut(NamedTuple):
         """Return the beams, n for each row of `poses` (k, n_scans, 3), as they are if these are the scans' poses."""
         assert self.poses is not None
         local, k = self.poses.local, len(poses)
-        x, y, turn = np.moveaxis(poses, -1, 0)[:, :, local.owner]
+        x, y = np.moveaxis(poses[..., :2], -1, 0)[:, :, local.owner]
         cosine, sine = np.cos(poses[..., 2])[:, local.owner], np.sin(poses[..., 2])[:, local.owner]
         ahead, aside = local.origin.T
         origin = np.stack([x + cosine * ahead - sine * aside, y + sine * ahead + cosine * aside], axis=-1)
+        ahead, aside = unit_vectors(local.angle).T
+        direction = np.stack([cosine * ahead - sine * aside, sine * ahead + cosine * aside], axis=-1)
         return HeldOut(
             origin.reshape(-1, 2),
-            unit_vectors((turn + local.angle).ravel()),
+            direction.reshape(-1, 2),
             np.tile(self.range, k),
             self.model,
             self.n_no_return,

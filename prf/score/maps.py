@@ -127,10 +127,8 @@ class PolygonalMaps(ScoredMap):
 
     def _density(self, model: LaserModel, rays: Floats, readings: Floats, black: Bools) -> Floats:
         window, total = self._box(model, rays), np.zeros(len(rays))
-        short = rays.copy()  # what is beyond a reading's influence changes nothing, to the last bit
-        short[:, 4] = np.minimum(rays[:, 4], model.influence(readings))
         for segments, occupied in zip(self._segments(), black, strict=True):
-            add_densities(model.to_array(), readings, first_edges(short, segments, window), occupied, total)
+            add_densities(model.to_array(), readings, first_edges(rays, segments, window), occupied, total)
         return total / self.n_draws
 
     def _box(self, model: LaserModel, rays: Floats) -> Window:
@@ -172,7 +170,8 @@ class DrawsMap(PolygonalMaps):
         return None if self.best is None else _alone(self.best)
 
     def _black(self, xy: Floats) -> Bools:
-        first = np.r_[True, (xy[1:] != xy[:-1]).any(axis=1)]  # beams of a scan follow one another
+        x, y = np.ascontiguousarray(xy.T)
+        first = np.r_[True, (x[1:] != x[:-1]) | (y[1:] != y[:-1])]  # beams of a scan follow one another
         return np.ascontiguousarray(black_at_draws(self.draws, xy[first])[:, np.cumsum(first) - 1])
 
     def _segments(self) -> Iterable[Floats]:

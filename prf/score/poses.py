@@ -12,6 +12,7 @@ from scipy.special import logsumexp
 from prf.score.heldout import HeldOut
 from prf.score.importance import Integrals, Ints, Normals, integrate, pooled
 from prf.score.maps import ScoredMap
+from prf.shell.progress import progress
 
 Floats = NDArray[np.float64]
 
@@ -19,8 +20,8 @@ MOST_MAPS = 50
 """Draws of a RUN that scans are scored by, at most."""
 ERROR = 0.005
 """Monte Carlo error of beam_nll that is aimed at."""
-ENOUGH = (10.0, 100.0)
-"""Effective samples of an integral, at least and at most, after which no more are drawn."""
+LEAST_ESS, EFFORT, MOST_ESS = 10.0, 40.0, 100.0
+"""Effective samples of an integral after which no more are drawn: at least so many, on all maps together, at most."""
 BATCH = 500_000
 """Beams at once, about; each takes some 200 bytes."""
 
@@ -30,7 +31,9 @@ class Marginal(NamedTuple):
 
     maps: Sequence[ScoredMap]
     placed: list[HeldOut]  # the beams of all scans, these being at their mean poses on each map
-    best: Floats  # (n_beams,) distances to the first obstacle of the best map, so placed on it; nan if there is none
+    distance: (
+        Floats  # (n_beams,) to the first obstacle, where the beams are so placed on the best map; nan: there is none
+    )
     beam_nll: float  # nats
     ess: float  # effective samples of an integral, the median
 
@@ -43,21 +46,32 @@ def marginalise(scored: ScoredMap, beams: HeldOut, rng: np.random.Generator) -> 
     """
     beams, best = beams.as_censored(scored.window), scored.best_alone()
     maps = scored.singles(MOST_MAPS)
+    least = max(LEAST_ESS, EFFORT / len(maps))
     found: list[Integrals] = []
-    for each in maps:
-        found.append(integrate_poses(each, beams, pooled([one.posterior for one in found]), rng))
+    with progress(len(maps), "integrating over poses") as bar:
+        for each in maps:
+            found.append(integrate_poses(each, beams, pooled([one.posterior for one in found]), least, rng))
+            bar.update(len(found))
     log_density = logsumexp([one.log_value for one in found], axis=0) - np.log(len(maps))
     placed = [at_mean_poses(each, beams, one) for each, one in zip(maps, found, strict=True)]
-    distance = np.full(len(beams.range), np.nan)
-    if best is not None:
-        start = pooled([one.posterior for one in found])
-        distance = best.predict(at_mean_poses(best, beams, integrate_poses(best, beams, start, rng))).distance
+    if best is None:
+        distance = np.full(len(beams.range), np.nan)
+    elif best is scored:
+        distance = best.predict(placed[0]).distance
+    else:
+        own = integrate_poses(best, beams, pooled([one.posterior for one in found]), least, rng)
+        distance = best.predict(at_mean_poses(best, beams, own)).distance
     ess = float(np.median([one.ess for one in found]))
     return Marginal(maps, placed, distance, -float(log_density.sum()) / len(beams.range), ess)
 
 
-def integrate_poses(one: ScoredMap, beams: HeldOut, start: Normals | None, rng: np.random.Generator) -> Integrals:
-    """Return the densities of scans on one map, integrated over their poses; errors are in units of the noise."""
+def integrate_poses(
+    one: ScoredMap, beams: HeldOut, start: Normals | None, least: float, rng: np.random.Generator
+) -> Integrals:
+    """Return the densities of scans on one map, integrated over their poses; errors are in units of the noise.
+
+    `start`: where they may lie, if known. `least`: effective samples that are wanted.
+    """
     poses = beams.poses
     assert poses is not None
 
@@ -68,7 +82,8 @@ def integrate_poses(one: ScoredMap, beams: HeldOut, start: Normals | None, rng: 
         return np.concatenate([scan_log_densities(one, some, part) for part in parts])
 
     n = len(poses.given)
-    return integrate(log_likelihood, n, start, float(np.clip(n / (ERROR * len(beams.range)) ** 2, *ENOUGH)), rng)
+    enough = min(max(least, n / (ERROR * len(beams.range)) ** 2), MOST_ESS)
+    return integrate(log_likelihood, n, start, enough, rng)
 
 
 def scan_log_densities(one: ScoredMap, beams: HeldOut, poses: Floats) -> Floats:
@@ -81,8 +96,11 @@ def scan_log_densities(one: ScoredMap, beams: HeldOut, poses: Floats) -> Floats:
     assert moved.censored is not None
     inside = _inside(one, moved)
     density = np.where(moved.censored, 1.0, moved.model.outlier_probability / moved.model.max_range)
-    rays = moved.rays(one.window)[inside]
-    density[inside] = one.density(moved.model, rays, moved.select(inside).readings(rays))
+    known = moved.select(inside)
+    rays = known.rays(one.window)
+    readings = known.readings(rays)
+    rays[:, 4] = np.minimum(rays[:, 4], moved.model.influence(readings))  # what is beyond changes no density
+    density[inside] = one.density(moved.model, rays, readings)
     scan = np.arange(len(poses))[:, None] * poses.shape[1] + beams.poses.local.owner
     total = np.bincount(scan.ravel(), np.log(density), poses.shape[0] * poses.shape[1])
     return total.astype(np.float64).reshape(poses.shape[:2])

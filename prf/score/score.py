@@ -97,7 +97,7 @@ def _marginal_scores(scored: ScoredMap, beams: HeldOut, seed: int, square: float
     return {
         "beam_nll": found.beam_nll,
         **_point_scores(probability, points[0].occupied, scored.seen(middle)),
-        **distance_scores(found.best, beams),
+        **distance_scores(found.distance, beams),
         "sensor_occupied": float(np.mean(shares)),
         "n_points": len(probability),
         "pose_noise": beams.poses.noise[1:].tolist(),

@@ -163,7 +163,7 @@ def window_exit(window: Window, origin: Floats, direction: Floats) -> Floats:
     corner = np.where(direction > 0.0, [window.x_max, window.y_max], [window.x_min, window.y_min])
     with np.errstate(divide="ignore", invalid="ignore"):
         distance = np.where(direction != 0.0, (corner - origin) / direction, np.inf)
-    return np.asarray(distance.min(axis=1), dtype=np.float64)
+    return np.minimum(distance[:, 0], distance[:, 1])
 
 
 def make_rays(window: Window, model: LaserModel, origin: Floats, angle: Floats, readings: Floats) -> Floats:

@@ -19,7 +19,7 @@ def test_normals_narrow_and_wide(deviation: float, is_known: bool) -> None:
 
     def target(scans: Ints, errors: Floats) -> Floats:
         away = errors - middle[scans]
-        return -0.5 * np.einsum("kni,ij,knj->kn", away, np.linalg.inv(covariance), away)
+        return np.asarray(-0.5 * np.einsum("kni,ij,knj->kn", away, np.linalg.inv(covariance), away))
 
     found = integrate(target, n, None, 30.0, rng)
     if is_known:
