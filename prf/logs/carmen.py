@@ -41,6 +41,7 @@ from prf.logs.readings import Kind, LogNotes, NoReadings, OwnPoses, Readings, Sc
 from prf.logs.text import FloatArray, floats, parse_lines
 from prf.shell.errors import ConfigError, InputError
 
+RAW_ODOMETRY = "Odometry"  # of DP-SLAM: x y theta before each Laser line, without a time
 POSE_LINES = ("GLOBALPOS", "TRUEPOS", "ODOM")
 LASER_LINES = "laser lines"
 COMMENT = "comment"
@@ -72,19 +73,23 @@ def read_carmen(
     device: str | None = None,
     frame: str | None = None,
     on_robot: bool = False,
+    odometry: bool = False,
 ) -> Readings:
     """Read the readings of a CARMEN log, decompressed; parameters as of :func:`prf.logs.read_readings`.
 
     Scans are numbered in the order of the file, all lasers together. `device` names a kind of line, `frame` what gives
-    the robot's pose at SONAR lines: "laser lines" or one of `POSE_LINES`. `on_robot`: see :mod:`prf.logs.posed`; then
-    lines of a laser without a pose are read if there are no others: RAWLASER, and ``Laser n r1..rn`` of DP-SLAM.
+    the robot's pose at SONAR lines: "laser lines" or one of `POSE_LINES`; with `odometry` these at laser lines too.
+    `on_robot`: see :mod:`prf.logs.posed`; then, or with `odometry` in the log, lines of a laser without a pose are read
+    if there are no others: RAWLASER, and ``Laser n r1..rn`` of DP-SLAM.
     """
     lines = _lines_by_kind(data)
     lasers = [name for name in lines if name in LASERS]
-    if on_robot and not lasers:
+    if not lasers and not on_robot and odometry and frame is None:
+        frame = next((name for name in (RAW_ODOMETRY, "ODOM") if name in lines), None)
+    if not lasers and (on_robot or (odometry and frame is not None)):
         lasers = [name for name in lines if name in RAW_LASERS]
     if kind != "sonar" and lasers:
-        return _read_lasers(lines, lasers, source, device, frame, on_robot)
+        return _read_lasers(lines, lasers, source, device, frame, on_robot, odometry)
     if kind == "laser" or (kind is None and SONAR not in lines):
         by_number = sorted(lines.items(), key=lambda item: -len(item[1]))
         found = ", ".join(f"{len(group)} {name}" for name, group in by_number[:6]) or "nothing"
@@ -119,26 +124,65 @@ def _counts(lines: Lines, read: Sequence[str]) -> tuple[dict[str, int], dict[str
 
 
 def _read_lasers(
-    lines: Lines, lasers: list[str], source: str, device: str | None, frame: str | None, on_robot: bool
+    lines: Lines,
+    lasers: list[str],
+    source: str,
+    device: str | None,
+    frame: str | None,
+    on_robot: bool,
+    odometry: bool,
 ) -> Readings:
     if device is not None and device not in lasers:
         raise ConfigError(f"--topic {device}: {source} has {', '.join(lasers)}.")
-    if frame is not None:
+    if frame is not None and not odometry:
         raise OwnPoses(
             f"--frame {frame}: laser lines of {source} carry the laser's pose; a frame can be chosen for SONAR lines "
-            "alone. Leave it out."
+            "alone, or with --odometry. Leave it out."
         )
+    present = [name for name in (*POSE_LINES, RAW_ODOMETRY) if name in lines]
+    if frame is not None and frame not in present:
+        raise ConfigError(f"--frame {frame}: {source} has {', '.join(present) or 'no lines that give poses alone'}.")
     chosen = lasers if device is None else [device]
     merged = sorted(row for kind in chosen for row in lines[kind])
     found = parse_lines(parse_laser, merged, source)
     reached = [line.max_range for line in found if line.max_range > 0.0 and not line.is_return.all()]
     top = max(reached, default=np.nan)
-    known, odd = _counts(lines, lasers)
+    known, odd = _counts(lines, [*lasers, *([] if frame is None else [frame])])
     notes = LogNotes("CARMEN", sensor_max=top, lines=known, odd_lines=odd, remarks=_laser_remarks(found))
+    if frame is not None:
+        found, how, remarks = _in_frame(found, lines, frame, source)
+        notes = replace(notes, poses=how, remarks=(*notes.remarks, *remarks))
     if on_robot:
         found = _on_robot(found, lines)
         notes = replace(notes, poses="the robot" if any(line.pose.any() for line in found) else "the laser")
     return assemble([line.scan() for line in found], source, notes)
+
+
+def _in_frame(found: list[LaserLine], lines: Lines, frame: str, source: str) -> tuple[list[LaserLine], str, list[str]]:
+    """Return the lines with poses by those of the robot of another kind of line; where these are from; remarks."""
+    track = _track(lines, frame, source)
+    robot, lost = track.poses_at([line.line for line in found], [line.time for line in found], source)
+    posed = [
+        line._replace(pose=mounted(pose, line.pose))
+        for line, pose in zip(_on_robot(found, lines), robot, strict=True)
+        if not np.isnan(pose[0])
+    ]
+    return posed, track.how, [*_drift_remarks(frame), *lost]
+
+
+def _track(lines: Lines, name: str, source: str) -> Track:
+    """Return the poses of the robot by lines of a kind."""
+    clock = name != RAW_ODOMETRY
+    rows = parse_lines(
+        lambda at, fields: (at, float(fields[7]) if clock else 0.0, floats(fields[1:4])), lines[name], source
+    )
+    return Track.from_rows(name, rows, source)
+
+
+def _drift_remarks(name: str) -> list[str]:
+    if name not in ("ODOM", RAW_ODOMETRY):
+        return []
+    return ["the poses are the odometry's, which drifts unless the log was corrected"]
 
 
 def _on_robot(found: list[LaserLine], lines: Lines) -> list[LaserLine]:
@@ -238,16 +282,16 @@ def _poses(
     name = present[0] if frame is None else frame
     if name not in present:
         raise ConfigError(f"--frame {name}: {source} has {', '.join(present)}.")
-    remarks = ["the poses are the odometry's, which drifts unless the log was corrected"] if name == "ODOM" else []
+    remarks = _drift_remarks(name)
     if name == LASER_LINES:
         found = parse_lines(parse_laser, lines[lasers[0]], source)
         one_frame = _robot_is_in_laser_frame(found)
         rows = [(line.line, line.time, line.robot if one_frame else line.pose) for line in found]
         if not one_frame:
             remarks.append("laser lines hold the robot's pose in another frame: the laser's is taken for the robot's")
+        track = Track.from_rows(name, rows, source)
     else:
-        rows = parse_lines(lambda at, fields: (at, float(fields[7]), floats(fields[1:4])), lines[name], source)
-    track = Track.from_rows(name, rows, source)
+        track = _track(lines, name, source)
     poses, lost = track.poses_at([sonar.line for sonar in sonars], [sonar.time for sonar in sonars], source)
     return poses, remarks + lost, track.how
 

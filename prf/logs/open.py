@@ -74,6 +74,7 @@ def read_readings(
     frame: str | None = None,
     cone: float = CONE,
     poses: Poses | None = None,
+    odometry: bool = False,
 ) -> Readings:
     """Read the readings of one kind of sensor from a log; the format is recognised from the content.
 
@@ -82,17 +83,21 @@ def read_readings(
     Rows of a table are laser's if their cone is 0, sonar's if not; a table with rows of one sort only is taken as it
     is. `topic`: whose readings: a topic of a bag, a device of a Player log (``laser:1``), a kind of line of a CARMEN
     log (``RLASER``). Needed for a bag with several laser topics. `frame`: in what frame: one of a bag's frames or an
-    odometry topic (default ``map``), the position device of a Player log (``position2d:1``), the kind of line that
-    gives the robot's pose at CARMEN sonar readings (``ODOM``). `cone`: full opening angle in radians of sonar readings
+    odometry topic (default ``map``), the position device of a Player log (``position2d:1``), the kind of CARMEN line
+    that gives the robot's pose (``ODOM``). `cone`: full opening angle in radians of sonar readings
     whose log has none. `poses`: of a file, instead of the log's; then `frame` names the frame of a bag that they are
-    of. Returns: all beams, in the order of the file.
+    of. `odometry`: whether the poses may be raw odometry: logs are then read that have nothing else, and `frame`
+    counts for CARMEN's laser lines too. Returns: all
+    beams, in the order of the file.
     """
     on_robot = poses is not None
-    found = _read(path, kind, topic, frame, cone, on_robot)
+    found = _read(path, kind, topic, frame, cone, on_robot, odometry)
     return found if poses is None else placed(found, poses)
 
 
-def _read(path: str, kind: Kind | None, topic: str | None, frame: str | None, cone: float, on_robot: bool) -> Readings:
+def _read(
+    path: str, kind: Kind | None, topic: str | None, frame: str | None, cone: float, on_robot: bool, odometry: bool
+) -> Readings:
     source = "standard input" if path == STREAM else path
     place = Path(path)
     if path != STREAM and place.is_dir():
@@ -108,7 +113,7 @@ def _read(path: str, kind: Kind | None, topic: str | None, frame: str | None, co
             copy.flush()
             return read_bag(Path(copy.name), source, kind, cone, topic, frame, on_robot)
     data = data.removeprefix(BYTE_ORDER_MARK)
-    found = recognise(data, source, on_robot)
+    found = recognise(data, source, on_robot or odometry)
     if on_robot and frame is not None:
         raise ConfigError(
             f"--frame {frame}: with --poses it names a frame of a bag, which {source} is not. Leave it out."
@@ -116,7 +121,7 @@ def _read(path: str, kind: Kind | None, topic: str | None, frame: str | None, co
     if found == "player":
         return read_player(data, source, kind, cone, topic, frame, on_robot)
     if found == "carmen":
-        return read_carmen(data, source, kind, cone, topic, frame, on_robot)
+        return read_carmen(data, source, kind, cone, topic, frame, on_robot, odometry)
     for flag, value in (("--topic", topic), ("--frame", frame)):
         if value is not None:
             raise ConfigError(f"{flag} {value}: {source} is a table, which has one sensor and one frame. Leave it out.")
@@ -132,13 +137,15 @@ def read_logs(
     sonar_topic: str | None = None,
     cone: float = CONE,
     poses: Poses | None = None,
+    odometry: bool = False,
 ) -> tuple[Readings | None, Readings | None]:
     """Read the log of a laser, of a sonar or of both; None for a sensor without log.
 
     `laser`, `sonar`: logs, which may be the same file. `topic`, `sonar_topic`: whose readings to take of each, see
     :func:`prf.logs.read_readings`. `frame`: in what frame, for both; laser lines of CARMEN carry their poses, so there
-    it is for the sonar alone. `cone`: full opening angle in radians of sonar readings whose log has none. `poses`: of a
-    file, instead of those of the logs. What a person must know of poses is logged.
+    it is for the sonar alone, but with `odometry`. `cone`: full opening angle in radians of sonar readings whose log
+    has none. `poses`: of a file, instead of those of the logs. `odometry`: as there. What a person must know of poses
+    is logged.
     """
     if topic is not None and laser is None:
         raise ConfigError(
@@ -152,13 +159,13 @@ def read_logs(
     beams = cones = None
     if laser is not None:
         try:
-            beams = read_readings(laser, topic=topic, frame=frame, poses=poses)
+            beams = read_readings(laser, topic=topic, frame=frame, poses=poses, odometry=odometry)
         except OwnPoses:
             if sonar is None:
                 raise
-            beams = read_readings(laser, topic=topic, poses=poses)
+            beams = read_readings(laser, topic=topic, poses=poses, odometry=odometry)
     if sonar is not None:
-        cones = read_readings(sonar, "sonar", topic=sonar_topic, frame=frame, cone=cone, poses=poses)
+        cones = read_readings(sonar, "sonar", topic=sonar_topic, frame=frame, cone=cone, poses=poses, odometry=odometry)
     for found in filter(None, (beams, cones)):
         if poses is not None:
             logger.info(f"{found.source}: poses of {found.notes.poses}")
@@ -167,8 +174,11 @@ def read_logs(
     return beams, cones
 
 
-def recognise(data: bytes, source: str, on_robot: bool = False) -> Format:
-    """Return the format of decompressed content that is no bag (InputError with what it looks like if it is none)."""
+def recognise(data: bytes, source: str, raw: bool = False) -> Format:
+    """Return the format of decompressed content that is no bag (InputError with what it looks like if it is none).
+
+    `raw`: whether logs are taken that have no poses but raw odometry.
+    """
     head = _head(data)
     if not data.strip():
         looks_like = "the file is empty"
@@ -182,7 +192,7 @@ def recognise(data: bytes, source: str, on_robot: bool = False) -> Format:
         return "table"
     elif _PLAYER.search(head):
         return "player"
-    elif _is_carmen(head) or (on_robot and _ODOMETRY.search(head)):
+    elif _is_carmen(head) or (raw and _ODOMETRY.search(head)):
         return "carmen"
     else:
         looks_like = _text_of(head)
@@ -214,7 +224,7 @@ def _text_of(head: bytes) -> str:
     if _ODOMETRY.search(head):
         return (
             "this is an unlocalized log: its scans come with odometry, not with corrected sensor poses. "
-            "Localize it first (by scan matching or SLAM), and give the trajectory with --poses"
+            "Sample them too (prf sample --odometry wheels), or localize it first and give the trajectory with --poses"
         )
     first = next(_content(head), b"").decode("latin-1").lower()
     if set(REQUIRED) <= set(re.split(r"[;\s|]+", first)):

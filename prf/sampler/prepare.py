@@ -97,6 +97,7 @@ def read_configured(
         sonar_topic=config.readings.sonar_topic,
         cone=config.sonar.cone,
         poses=config.readings.trajectory(),
+        odometry=config.trajectory.step_noise is not None,
     )
 
 

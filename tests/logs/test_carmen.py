@@ -177,3 +177,20 @@ class TestTime:
         fields = flaser([1]).split()
         fields[-1] = "99"
         assert read(" ".join(fields)).time[0] == 5.0
+
+
+class TestOdometry:
+    def test_laser_lines_take_the_poses_of_another_frame_with_the_laser_where_it_sits(self):
+        odometry = "ODOM 10 0 0 0 0 0 1 pippo 1\nODOM 12 0 0 0 0 0 3 pippo 3\n"
+        lines = flaser([4], (0.5, 0, 0), (0.3, 0, 0), time=2) + flaser([4], (1.5, 0, 0), (1.3, 0, 0), time=3)
+        readings = read_carmen((odometry + lines).encode(), "a.log", frame="ODOM", odometry=True)
+        np.testing.assert_allclose(readings.origin, [[11.2, 0], [12.2, 0]])
+        assert readings.notes.poses == "ODOM, interpolated in time"
+        assert "drifts" in readings.notes.remarks[-1]
+
+    def test_raw_laser_lines_take_odometry_where_that_is_allowed(self):
+        text = "Odometry 1 2 0\nLaser 2 3 3\nOdometry 1 3 1.5\nLaser 2 3 3\n"
+        readings = read_carmen(text.encode(), "a.log", odometry=True)
+        np.testing.assert_allclose(readings.notes.scans.pose, [[1, 2, 0], [1, 3, 1.5]])
+        with pytest.raises(InputError, match="no FLASER"):
+            read(text)

@@ -101,6 +101,12 @@ def test_what_is_no_log_of_ours_is_refused(shared_data, path, words):
         read_readings(str(shared_data / "prf" / path))
 
 
+def test_raw_odometry_is_read_where_it_is_expected(shared_data):
+    readings = read_readings(str(shared_data / "prf/unlocalized/loop5.log.gz"), odometry=True)
+    assert (readings.n_scans, readings.n_beams) == (551, 551 * 181)
+    assert "drifts" in readings.notes.remarks[0]
+
+
 READ = re.compile(r"carmen/.*|player/.*|ros1/(trace0|simpath2)\.bag")
 
 
