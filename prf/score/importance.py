@@ -147,10 +147,8 @@ def integrate(target: Target, n: int, start: Normals | None, enough: float, rng:
     return found
 
 
-def pooled(posteriors: Sequence[Normals]) -> Normals | None:
+def pooled(posteriors: Sequence[Normals]) -> Normals:
     """Return for each scan a normal with the mean and covariance of several posteriors together, widened."""
-    if not posteriors:
-        return None
     mean = np.mean([each.mean for each in posteriors], axis=0)
     away = np.array([each.mean for each in posteriors]) - mean
     within = np.mean([each.covariance for each in posteriors], axis=0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -50,7 +51,8 @@ def marginalise(scored: ScoredMap, beams: HeldOut, rng: np.random.Generator) -> 
     found: list[Integrals] = []
     with progress(len(maps), "integrating over poses") as bar:
         for each in maps:
-            found.append(integrate_poses(each, beams, pooled([one.posterior for one in found]), least, rng))
+            start = pooled([one.posterior for one in found]) if found else search_poses(each, beams, rng)
+            found.append(integrate_poses(each, beams, start, least, rng))
             bar.update(len(found))
     log_density = logsumexp([one.log_value for one in found], axis=0) - np.log(len(maps))
     placed = [at_mean_poses(each, beams, one) for each, one in zip(maps, found, strict=True)]
@@ -63,6 +65,21 @@ def marginalise(scored: ScoredMap, beams: HeldOut, rng: np.random.Generator) -> 
         distance = best.predict(at_mean_poses(best, beams, own)).distance
     ess = float(np.median([one.ess for one in found]))
     return Marginal(maps, placed, distance, -float(log_density.sum()) / len(beams.range), ess)
+
+
+def search_poses(one: ScoredMap, beams: HeldOut, rng: np.random.Generator) -> Normals | None:
+    """Return where the poses of scans may lie; None: anywhere that the prior has them, which is near enough.
+
+    Far from the pose all beams miss their walls, and a likelihood says nothing of the way there. So readings are first
+    taken to be as uncertain as the poses make them, then half as uncertain, and so on.
+    """
+    assert beams.poses is not None
+    noise, start = float(np.hypot(beams.poses.noise[0], beams.poses.noise[2] * np.median(beams.range))), None
+    while noise > beams.model.noise:
+        blurred = beams._replace(model=dataclasses.replace(beams.model, noise=noise))
+        start = pooled([integrate_poses(one, blurred, start, LEAST_ESS, rng).posterior])
+        noise *= 0.5
+    return start
 
 
 def integrate_poses(

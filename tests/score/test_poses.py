@@ -63,7 +63,7 @@ def lattice(half: float, step: float) -> tuple[Floats, float]:
 
 def on_lattice(readings: Readings, log_density: object) -> float:
     """Return the log of one scan's density, integrated over a lattice; `log_density` takes origins and angles."""
-    errors, volume = lattice(4.2, 0.2)
+    errors, volume = lattice(4.0, 0.25)
     origin, angle = readings.origin[0], readings.angle
     at = origin + errors[:, None, :2] * NOISE[0]
     turned = angle[0] + errors[:, 2, None] * NOISE[1] + (angle - angle[0])
@@ -104,7 +104,8 @@ def test_polygons_agree_with_a_lattice_of_poses(one_scan: Readings) -> None:
     assert math.isnan(found["rmse"])
     for box, expected in zip(boxes, values, strict=True):
         area = OccupiedArea(shapely.box(*WINDOW) - shapely.box(*box), WINDOW)
-        assert score(PolygonMap(area), held(one_scan), 2)["beam_nll"] == pytest.approx(-expected / 9.0, abs=0.02)
+        several = [score(PolygonMap(area), held(one_scan), seed)["beam_nll"] for seed in range(4)]
+        assert np.mean(several) == pytest.approx(-expected / 9.0, abs=0.015)  # 0.008 each, at 100 effective samples
 
 
 def test_a_grid_agrees_with_a_lattice_of_poses(one_scan: Readings) -> None:
@@ -128,7 +129,7 @@ def maps_of_the_box(readings: Readings) -> list[ScoredMap]:
 
 def test_small_noise_leaves_the_scores_of_one_map_as_they_are_and_large_errors_are_found() -> None:
     rng = np.random.default_rng(8)
-    given, true = scans(12, 60, rng, rng.normal(size=(12, 3)) * [NOISE[0], NOISE[0], NOISE[1]])
+    given, true = scans(8, 60, rng, rng.normal(size=(8, 3)) * [NOISE[0], NOISE[0], NOISE[1]])
     for scored in maps_of_the_box(scans(40, 60, rng, np.zeros((40, 3)))[1]):
         certain, wrong = score(scored, held(true, None), 1), score(scored, held(given, None), 1)
         still = score(scored, held(true, (1e-9, 1e-9)), 1)
@@ -139,6 +140,15 @@ def test_small_noise_leaves_the_scores_of_one_map_as_they_are_and_large_errors_a
         assert found["beam_nll"] < certain["beam_nll"] + 0.2  # of 60 beams, some ten nats are spent on the pose
         assert found["within_0.2m"] >= certain["within_0.2m"] - 0.02
         assert found["brier"] < 0.5 * (wrong["brier"] + certain["brier"])
+
+
+def test_poses_far_off_are_found() -> None:
+    rng, noise = np.random.default_rng(9), np.array([0.6, 0.6, 0.2])
+    given, true = scans(8, 60, rng, rng.normal(size=(8, 3)) * noise)
+    scored = PolygonMap(OccupiedArea(shapely.box(*WINDOW) - shapely.box(*BOX), None))
+    found, certain = score(scored, held(given, (0.6, 0.2)), 1), score(scored, held(true, None), 1)
+    assert found["beam_nll"] < certain["beam_nll"] + 0.35
+    assert found["within_0.2m"] >= certain["within_0.2m"] - 0.02
 
 
 def test_a_beam_that_ends_beyond_the_window_is_so_at_every_pose() -> None:
