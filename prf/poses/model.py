@@ -8,7 +8,7 @@ so that where a sensor sits on the robot need not be known.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -93,9 +93,11 @@ class PoseModel:
     prior: PosePrior
     scan: NDArray[np.int64]  # (n,) number of the scan in its log
     time: Floats  # (n,) seconds; nan where unknown
-    start: Floats  # (n, 3) where chains start
+    start: Floats  # (n, 3) where scans agree
     laser: LocalReadings | None = None
     sonar: LocalReadings | None = None
+    # Draws (n, 3) of where chains start, round `start`; None: there
+    draw_start: Callable[[np.random.Generator], Floats] | None = None
 
     def placed(self, laser: Readings | None, sonar: Readings | None, poses: Floats) -> list[Readings | None]:
         """Return readings of a laser and a sonar, those of this model, as they are with the states at `poses`."""

@@ -37,7 +37,12 @@ class Start(NamedTuple):
 
     def draw(self, rng: np.random.Generator) -> Floats:
         """Return poses (n, 3) from the normal approximation of their posterior, so that chains start apart."""
-        return dispersed(self.scans, self.poses, self.pull, rng) if len(self.scans.owner) else self.poses.copy()
+        if not len(self.scans.owner):
+            return self.poses.copy()
+        found = dispersed(self.scans, self.poses, self.pull, rng)
+        is_held = self.pull.sharpness[0] >= HELD
+        found[0, is_held] = self.poses[0, is_held]
+        return found
 
 
 def find_trajectory(model: PoseModel, laser: Readings, noise: float, rng: np.random.Generator | None = None) -> Floats:
@@ -52,19 +57,15 @@ def find_trajectory(model: PoseModel, laser: Readings, noise: float, rng: np.ran
     noise : float
         Standard deviation of a range, metres.
     rng : numpy.random.Generator, optional
-        Draws from the normal approximation of the posterior of the poses; without it the poses are its mode. That is
-        `model.start` if it has been found already.
+        Draws from the normal approximation of the posterior of the poses; without it the poses are its mode.
 
     Returns
     -------
     (n, 3) float64
         x, y in metres and heading in radians.
     """
-    if rng is None:
-        return find_start(model, laser, noise).poses
-    if np.array_equal(model.start, model.prior.given):
-        return find_start(model, laser, noise).draw(rng)
-    return Start(model.start, _fewer(scans_of(model, laser, noise)), pull_of(model.prior), []).draw(rng)
+    start = find_start(model, laser, noise)
+    return start.poses if rng is None else start.draw(rng)
 
 
 def find_start(model: PoseModel, laser: Readings, noise: float) -> Start:
@@ -80,13 +81,8 @@ def find_start(model: PoseModel, laser: Readings, noise: float) -> Start:
         n_used = sum(loop.is_used for loop in loops)
         logger.info(f"start trajectory: {n_used} closures of loops, {len(loops) - n_used} plausible ones left out")
         error = LEFT
-    fewer = _fewer(scans)
-    return Start(align(fewer, poses, pull, error, np.random.default_rng(0)), fewer, pull, loops)
-
-
-def _fewer(scans: Scans) -> Scans:
-    """Return evenly chosen points, at most `MOST_POINTS`."""
-    return scans.select(np.arange(len(scans.owner)) % (1 + len(scans.owner) // MOST_POINTS) == 0)
+    scans = scans.select(np.arange(len(scans.owner)) % (1 + len(scans.owner) // MOST_POINTS) == 0)
+    return Start(align(scans, poses, pull, error, np.random.default_rng(0)), scans, pull, loops)
 
 
 def pull_of(prior: PosePrior) -> Pull:

@@ -22,7 +22,6 @@ from prf.kernels.sonar import SONAR_MAX
 from prf.layout import make_sites
 from prf.poses.model import LocalReadings, PoseModel
 from prf.poses.plane import wrapped
-from prf.poses.start import find_trajectory
 from prf.posterior import NO_LASER, NO_SONAR, Settings, poses_of, rays_of
 from prf.sampler.chain_map import repaint, settle_image
 from prf.sensors.laser import make_beams
@@ -93,11 +92,9 @@ class PoseTurns:
 
     def start(self, chain: Chain, rng: np.random.Generator) -> Chain:
         """Put the poses of a chain where scans agree, about: chains start apart."""
-        model, laser = self.settings.poses, self.settings.laser
+        model = self.settings.poses
         assert model is not None
-        if laser is None:
-            return self.place(chain, model.start)
-        return self.place(chain, find_trajectory(model, laser.readings, laser.model.noise, rng))
+        return self.place(chain, model.start if model.draw_start is None else model.draw_start(rng))
 
     def place(self, chain: Chain, pose: Floats) -> Chain:
         """Put the poses of a chain at `pose` (n, 3), and all its readings with them."""

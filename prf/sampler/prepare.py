@@ -16,7 +16,7 @@ from prf.logs import Kind, PointTable, Readings, read_logs, read_point_data, thi
 from prf.logs.describe import default_max_range
 from prf.logs.poses import fields_of_view
 from prf.poses.model import PoseModel, pose_model
-from prf.poses.start import find_trajectory
+from prf.poses.start import find_start
 from prf.posterior import LaserData, PointData, Settings, SonarData
 from prf.sampler.ground import driven_way, seen_cells
 from prf.sampler.tempering import AUTO_TEMPERATURES, LadderPlan
@@ -263,9 +263,10 @@ def _started(config: Configuration, beams: Readings | None, cones: Readings | No
     """Return the uncertain poses of all readings, with where they start."""
     trajectory = config.trajectory
     found = pose_model(beams, cones, trajectory.pose_noise, trajectory.step_noise)
-    return (
-        found if beams is None else dataclasses.replace(found, start=find_trajectory(found, beams, config.laser.noise))
-    )
+    if beams is None:
+        return found
+    start = find_start(found, beams, config.laser.noise)
+    return dataclasses.replace(found, start=start.poses, draw_start=start.draw)
 
 
 def _used(
@@ -275,14 +276,20 @@ def _used(
     rows: NDArray[np.int64],
     cone_rows: NDArray[np.int64],
 ) -> PoseModel:
-    """Return the uncertain poses of readings in use, which start where they do among all."""
+    """Return the uncertain poses of readings in use, which start where they do among all.
+
+    Chains start as all readings have it: those in use are too thinly spread for scans to show walls.
+    """
     parts = _chosen_rows(given[0], rows), _chosen_rows(given[1], cone_rows)
     found = pose_model(*parts, config.trajectory.pose_noise, config.trajectory.step_noise)
-    start = found.start.copy()
+    among = np.zeros(len(found.start), np.int64)
     for local, before, chosen in ((found.laser, whole.laser, rows), (found.sonar, whole.sonar, cone_rows)):
         if local is not None and before is not None:
-            start[local.owner] = whole.start[before.owner[chosen]]
-    return dataclasses.replace(found, start=start)
+            among[local.owner] = before.owner[chosen]
+    draw = whole.draw_start
+    return dataclasses.replace(
+        found, start=whole.start[among], draw_start=None if draw is None else lambda rng: draw(rng)[among]
+    )
 
 
 def ladder_plan(config: Configuration) -> LadderPlan:
