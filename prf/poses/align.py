@@ -27,6 +27,7 @@ SMALLEST, LARGEST = 0.4, 1.5  # metres, sides of squares
 NARROW, WIDE = 0.1, 0.5  # metres, and share of the side: distance from a line at which a point counts a quarter
 BLUR = 0.3  # of that distance: what points stray besides the noise, lest wrong lines pull more than what is given
 SLOPE = 1.0 / 0.15**2  # one over the variance of the mean normal of a line, 1/rad2
+CLOSE = np.array([0.03, 0.03, 0.01])  # m, m, rad: root mean square of what a draw changes, at most
 STEP = np.array([0.3, 0.3, 0.1])  # m, m, rad: largest change of a pose in a round
 
 
@@ -61,11 +62,13 @@ def align(scans: Scans, poses: Floats, pull: Pull, error: float, rng: np.random.
 
 
 def dispersed(scans: Scans, poses: Floats, pull: Pull, rng: np.random.Generator) -> Floats:
-    """Return a draw (n, 3) from the normal approximation round aligned poses."""
+    """Return a draw (n, 3) from the normal approximation round aligned poses, closer where few points tell of them."""
     lines = common_lines(scans, poses, SMALLEST, NARROW, rng)
     push = rng.standard_normal(len(lines.weight)) / np.sqrt(lines.weight)
     pushed = lines._replace(distance=lines.distance + push)
-    return compose(poses, _solve(pushed, poses, pull, rng))
+    change = _solve(pushed, poses, pull, rng)
+    size = np.sqrt(np.mean(np.square(change), axis=0))
+    return compose(poses, change * np.min(CLOSE / np.maximum(size, CLOSE)))
 
 
 def common_lines(
