@@ -14,11 +14,10 @@ EXAMPLES = ("prf warm", "prf warm --for laser --for maps", "PRF_CACHE_DIR=/opt/p
 FILES = {
     "laser.csv": "scan,x,y,theta,range\n"
     + "".join(f"{scan},{5 + scan},7,{0.1 * k:.1f},{2 + k % 3}\n" for scan in range(3) for k in range(60)),
-    "drive.csv": "scan,x,y,theta,range\n"
-    + "".join(
-        f"{scan},{5 + 0.1 * scan},7,{0.1 * k:.1f},{2 / max(abs(math.cos(0.1 * k)), abs(math.sin(0.1 * k))):.3f}\n"
+    "drive.log": "".join(
+        f"FLASER 60 {' '.join(f'{2 / max(abs(math.cos(0.05 * k)), abs(math.sin(0.05 * k))):.3f}' for k in range(60))}"
+        f" {5 + 0.1 * scan:.1f} 7 0 {5 + 0.1 * scan:.1f} 7 0 {scan} host {scan}\n"
         for scan in range(3)
-        for k in range(60)
     ),
     "sonar.csv": "x,y,theta,range,cone\n5.0,7.0,0.0,2.0,0.349\n",
     "values.csv": "x,y,value\n5.0,7.0,0\n6.0,7.0,1\n5.0,8.0,1\n6.0,8.0,0\n",
@@ -30,7 +29,7 @@ COMMANDS = {
     "sonar": (f"sample --sonar sonar.csv --window 3 5 8 9 {FEW} -o echoes",),
     "poses": (
         f"sample --laser laser.csv --pose-noise 0.05 0.01 {FEW} -o drive",
-        f"sample --laser drive.csv --odometry wheels {FEW} -o loop",
+        f"sample --laser drive.log --odometry wheels {FEW} -o loop",
     ),
     "points": (f"sample --point-data values.csv {FEW} -o points",),
     "prior": (
