@@ -7,7 +7,6 @@ import pytest
 
 from prf.kernels import constants as c
 from prf.kernels import pose_match as m
-from prf.poses.plane import wrapped
 from tests.reference.pose_worlds import BOTH, DRIVEN, LASER, Rig, begin, draw_pose_world
 
 pytestmark = pytest.mark.uncompiled
@@ -122,18 +121,3 @@ def test_walks_are_scaled_by_what_a_pose_may_vary_by() -> None:
         root[np.tril_indices(3)] = state.spread[i]
         normal = symmetric(state.work[m.NORMAL : m.GRADIENT])
         np.testing.assert_allclose(root @ root.T, np.linalg.inv(normal), rtol=1e-8, atol=1e-14)
-
-
-def test_a_heading_that_nothing_holds_is_drawn_within_one_turn() -> None:
-    """The density of the proposal is that of a heading cut at half a turn from its mean, however it is counted."""
-    free = LASER._replace(n=1, n_beams=1, noise=(0.1, 3.0))
-    world = draw_pose_world(free, np.random.default_rng(6))
-    chain, turns = begin(world)
-    rng, accepted = np.random.default_rng(7), 0
-    for _ in range(300):
-        if m.match_pose(chain, turns.state, rng):
-            accepted += 1
-            mean = turns.state.work[m.MEAN + 2]
-            assert abs(turns.state.new_pose[0, 2] - mean) < np.pi
-    assert accepted > 20
-    assert np.abs(wrapped(turns.state.pose[:, 2])).max() <= np.pi

@@ -79,24 +79,3 @@ def test_stretches_are_drawn_alike_wherever_they_are() -> None:
             mean = len(low) / len(places)
             # 4.5 standard deviations: by chance once in 147,000, four numbers at most.
             assert np.abs(places - mean).max() < 4.5 * math.sqrt(mean) + 1e-9
-
-
-def test_a_walk_is_as_likely_as_its_opposite() -> None:
-    """Its draws have mean 0 and the covariance of the spread times that of its factor."""
-    rng = np.random.default_rng(3)
-    _, turns = begin(draw_pose_world(MANY, rng))
-    state, out = turns.state, np.zeros(3)
-    state.spread[1] = [0.2, -0.1, 0.3, 0.05, 0.1, 0.4]
-    root = np.zeros((3, 3))
-    root[np.tril_indices(3)] = state.spread[1]
-    drawn = []
-    for _ in range(6000):
-        p.spread_of(state, 1, 1.0, rng, out)
-        drawn.append(np.linalg.solve(root, out))
-    normal = np.array(drawn)
-    # Standard errors of means and of second moments; nine numbers beyond 4.5 by chance once in 16,000.
-    assert np.abs(normal.mean(axis=0)).max() < 4.5 / math.sqrt(len(normal))
-    moments = normal.T @ normal / len(normal) - np.eye(3)
-    assert np.abs(moments).max() < 4.5 * math.sqrt(2.0 / len(normal))
-    logs = np.log([p.random_scale(rng) for _ in range(2000)])
-    assert np.log(p.LEAST_SCALE) <= logs.min() < logs.max() <= np.log(p.MOST_SCALE)

@@ -19,8 +19,6 @@ from tests.reference.recompute import cell_lists, recompute_edge_cells, recomput
 pytestmark = pytest.mark.uncompiled
 
 CENTRE = (2.5, 3.1)
-LOOSE = BARE._replace(noise=(0.6, 0.3))
-"""Whole walls are carried past the middle of the window."""
 
 
 def field(radius: float, x: float, y: float, turn: float) -> np.ndarray:
@@ -68,7 +66,7 @@ def test_its_jacobian_and_its_turn_are_those_of_differences(work: np.ndarray) ->
 def test_a_field_that_is_used_moves_no_two_points_to_one_place() -> None:
     """Half of its slope is below 1/2 wherever it acts; steeper ones are drawn, and not used."""
     rng = np.random.default_rng(3)
-    chain, turns = begin(draw_pose_world(LOOSE, rng))
+    chain, turns = begin(draw_pose_world(BARE, rng))
     state, used = turns.state, 0
     for _ in range(300):
         if not w.draw_field(chain.graph.window, state, rng):
@@ -101,7 +99,7 @@ def test_a_warped_map_is_valid_and_colours_stay_beside_its_walls() -> None:
     """No edge passes a point that is farther from all of them than any vertex moved."""
     accepted = flipped = 0
     for seed in (2, 4, 7):
-        world = draw_pose_world(LOOSE, np.random.default_rng([9, seed]))
+        world = draw_pose_world(BARE, np.random.default_rng([9, seed]))
         for chain, state, before in warped(world, 25, seed):
             accepted += 1
             after = read_coloring(chain.graph)
@@ -133,7 +131,7 @@ def test_the_way_driven_stays_white() -> None:
     """Walls may be carried over a way as thin as this, and no edge is near to it afterwards."""
     crossed = kept = 0
     for seed in range(4):
-        world = draw_pose_world(LOOSE, np.random.default_rng([9, seed]))
+        world = draw_pose_world(BARE, np.random.default_rng([9, seed]))
         place = beside_a_wall(world.coloring)
         for chain, _, _ in warped(world, 25, seed, np.array([[*place, *place]])):
             kept += 1

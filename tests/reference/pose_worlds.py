@@ -53,7 +53,7 @@ class Rig(NamedTuple):
 LASER = Rig()
 BOTH = Rig(n=2, n_beams=6, n_cones=4, odometry=(0.2, 0.1, 0.1, 0.1))
 DRIVEN = Rig(noise=None, odometry=(0.1, 0.05, 0.05, 0.05))
-BARE = Rig(n_beams=1, sensor=Sensor(1e-3))
+BARE = Rig(n_beams=1, sensor=Sensor(1e-3), noise=(0.5, 0.3))
 """Its beams see nothing: all that is known of a pose is its prior, and that its sensor stands in white."""
 
 
@@ -135,9 +135,10 @@ def read(
 
 
 def begin(world: PoseWorld) -> tuple[Chain, PoseTurns]:
-    """A chain at the truth, and how its poses move."""
+    """A chain at the truth, and how its poses move: which must not depend on the truth."""
     chain = make_chain(world.settings, world.coloring)
     turns = PoseTurns(world.settings, chain, run_chain)
+    turns.state.start[:] = world.model.prior.given
     return turns.place(chain, world.truth), turns
 
 

@@ -26,7 +26,7 @@ from tests.reference import pose_worlds
 from tests.reference.pose_worlds import PoseWorld, Rig, begin, draw_pose_world
 from tests.statistical.joint import z_scores
 
-STEPS = 40
+STEPS = 100
 """Of poses in a trial."""
 SPREAD = np.array([0.05, 0.0, 0.05, 0.0, 0.0, 0.05])
 """Root of what poses are taken to vary by. It must not depend on the world."""
@@ -46,7 +46,8 @@ def values(chain: Chain, turns: PoseTurns, world: PoseWorld) -> dict[str, float]
         "log likelihood": graph.sums[c.LOG_LIKELIHOOD],
         "log prior of poses": turns.log_prior,
         "black area": black_areas(Draws.from_colorings([coloring]))[0],
-        "right of the middle": float((coloring.xy[:, 0] > 3.0).sum()),
+        "vertices near": float((np.hypot(*(coloring.xy - 3.0).T) < 0.8).sum()),
+        "vertices about": float((np.hypot(*(coloring.xy - 3.0).T) < 1.6).sum()),
     }
     places = np.random.default_rng(0).uniform(2.0, 4.0, (N_PLACES, 2))
     named |= {f"colour {k}": float(black) for k, black in enumerate(black_at(coloring, places))}
