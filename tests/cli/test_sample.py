@@ -105,9 +105,9 @@ def test_resuming_with_uncertain_poses_gives_what_an_uninterrupted_run_gives(
 ) -> None:
     args = ("--laser", str(log), *QUICK, *options, "--seed", "5", "-q")
     whole, parts = tmp_path / "whole", tmp_path / "parts"
-    assert run(*args, "--steps", "60000", "-o", str(whole)) == 0
+    assert run(*args, "--steps", "40000", "-o", str(whole)) == 0
     assert run(*args, "--steps", "20000", "-o", str(parts), "--threads", "1") == 0
-    assert run("--resume", str(parts), "--steps", "60000", "-q") == 0
+    assert run("--resume", str(parts), "--steps", "40000", "-q") == 0
     for name in (*RESULTS, "poses.npz", "trajectory.csv"):
         assert (parts / name).read_bytes() == (whole / name).read_bytes(), name
 
