@@ -17,12 +17,15 @@ from prf.kernels.cones import (
     corner_at,
 )
 from prf.kernels.edge_index import EdgeIndex
+from prf.kernels.geometry import segment_meets_box
 from prf.kernels.graph import Graph, ends_of
 from prf.kernels.laser import beam_log_likelihood
 from prf.kernels.poses import LOG_CHANGE, Poses, first_edge, is_white, place_cone, place_ray
 from prf.kernels.sonar import SONAR_MAX, sonar_log_likelihood
 from prf.kernels.sonar_features import BORDER, N_LINES, see_edge, sweep
 
+BOX = 40
+"""Entry of ``Poses.work``: the first of x_min, y_min, x_max, y_max of all edges that a proposal displaces."""
 BEYOND = 1.0
 """Metres beyond a reading in which its impact is searched first."""
 
@@ -53,6 +56,31 @@ def most_gained(beams: Beams, poses: Poses, low: int, high: int) -> float:
         best = beams.best[beam] if poses.returned[at] != 0 else 0.0
         most += best - beams.ray[beam, c.BEAM_LOG_LIKELIHOOD]
     return most
+
+
+@core
+def stays(poses: Poses, i: int) -> bool:
+    """Whether the new pose i is the present one."""
+    old, new = poses.pose[i], poses.new_pose[i]
+    return old[0] == new[0] and old[1] == new[1] and old[2] == new[2]
+
+
+@core
+def is_clear(beams: Beams, poses: Poses, beam: int) -> bool:
+    """Whether nothing that is displaced lies on the way of a beam up to its impact."""
+    ray, box = beams.ray[beam], poses.work[BOX : BOX + 4]
+    length = min(ray[c.DISTANCE], ray[c.MAX_DISTANCE])
+    x, y = ray[c.ORIGIN_X] + length * ray[c.DIRECTION_X], ray[c.ORIGIN_Y] + length * ray[c.DIRECTION_Y]
+    return not segment_meets_box(ray[c.ORIGIN_X], ray[c.ORIGIN_Y], x, y, box[0], box[1], box[2], box[3])
+
+
+@core
+def keep_beam(beams: Beams, poses: Poses, at: int) -> None:
+    """Enter the beam listed at a place as it is."""
+    beam = poses.beam_of[at]
+    poses.new_edge[at] = beams.impact_edge[beam]
+    for k in range(c.N_RAY):
+        poses.new_ray[at, k] = beams.ray[beam, k]
 
 
 @core
@@ -100,17 +128,21 @@ def readings_change(
 ) -> bool:
     """Return whether the readings of the new poses `low` to `high` gain more than `needed`; `sums` take what they gain.
 
-    It stops where the beams left cannot make up for what is missing. No bound is known on what cones gain.
+    It stops where the beams left cannot make up for what is missing. No bound is known on what cones gain. Beams of
+    poses that stay are traced anew only where they meet the box (``BOX``) of what is displaced.
     """
     change = 0.0
     has_cones = poses.cone_start[high + 1] > poses.cone_start[low]
     spare = math.inf if has_cones else most_gained(beams, poses, low, high)
     for i in range(low, high + 1):
+        stays_here = stays(poses, i)
         for at in range(poses.beam_start[i], poses.beam_start[i + 1]):
-            gained = beam_change(graph, index, beams, poses, i, at)
-            change += gained
+            beam = poses.beam_of[at]
+            if stays_here and is_clear(beams, poses, beam):
+                keep_beam(beams, poses, at)
+            else:
+                change += beam_change(graph, index, beams, poses, i, at)
             if not has_cones:
-                beam = poses.beam_of[at]
                 best = beams.best[beam] if poses.returned[at] != 0 else 0.0
                 spare -= best - beams.ray[beam, c.BEAM_LOG_LIKELIHOOD]
                 if change + spare < needed:

@@ -17,7 +17,7 @@ from prf.kernels.geometry import inside_loop, segments_meet
 from prf.kernels.graph import Graph, vertex_sine_now
 from prf.kernels.grid import walk
 from prf.kernels.guards import GUARD_WAY, KIND, Guards, meets_any
-from prf.kernels.pose_change import keep_poses, readings_change, sites_are_white
+from prf.kernels.pose_change import BOX, keep_poses, readings_change, sites_are_white
 from prf.kernels.poses import LOG_CHANGE, LOG_POSE_PRIOR, Poses, is_white, log_pose_prior
 from prf.kernels.prior import log_prior
 
@@ -34,6 +34,8 @@ EXACT = 1e-15
 """Metres over the size of coordinates below which a step towards the fixed point is rounding."""
 STEEPEST = 1.718
 """Slope of the share of a field of radius 1 at most: 6 r (1 - r²)², greatest at r = 1 / sqrt(5)."""
+SLACK = 1e-6
+"""Metres by which a box is enlarged: more than impacts are rounded by."""
 SHARE_OF_ALL = 0.3
 """Share of fields that move all alike."""
 NARROWEST = 1.0
@@ -205,6 +207,20 @@ def place_edges(trial: Graph, index: EdgeIndex, guards: Guards) -> bool:
 
 
 @core
+def find_box(graph: Graph, trial: Graph, box: Array) -> None:
+    """Write the box of all edges that are displaced, before and after, a little enlarged."""
+    box[0], box[1], box[2], box[3] = math.inf, math.inf, -math.inf, -math.inf
+    for i in range(graph.counts[c.EDGES]):
+        edge = graph.members[c.EDGES, i]
+        old, new = graph.edge_xy[edge], trial.edge_xy[edge]
+        if old[0] == new[0] and old[1] == new[1] and old[2] == new[2] and old[3] == new[3]:
+            continue
+        for k in range(2):
+            box[k] = min(box[k], min(min(old[k], old[2 + k]), min(new[k], new[2 + k])) - SLACK)
+            box[2 + k] = max(box[2 + k], max(max(old[k], old[2 + k]), max(new[k], new[2 + k])) + SLACK)
+
+
+@core
 def place_angles(trial: Graph) -> None:
     """Write the sines of the angles at displaced vertices."""
     for kind in (c.INTERIOR_VERTICES, c.BOUNDARY_VERTICES):
@@ -290,6 +306,7 @@ def warp(chain: Chain, trial: Graph, trial_index: EdgeIndex, poses: Poses, rng: 
     pose_prior = log_pose_prior(poses, poses.new_pose, 0, last)
     change = map_prior - graph.sums[c.LOG_PRIOR] + pose_prior - poses.sums[LOG_POSE_PRIOR]
     needed = math.log(1.0 - rng.random()) - change - log_vertices - log_poses
+    find_box(graph, trial, poses.work[BOX : BOX + 4])
     if not readings_change(trial, trial_index, chain.beams, chain.cones, poses, 0, last, needed):
         return False
     keep_poses(chain.beams, chain.cones, poses, 0, last)

@@ -36,7 +36,7 @@ STEPS_PER_POSE = 4
 LEAST_POSE_STEPS = 200
 MOST_POSE_STEPS = 4_000
 """Steps of poses in a cycle."""
-WARPS = 3.0
+WARPS = 8.0
 """Steps of poses in a cycle that move the map with them, about."""
 FIRST_SPREAD = 0.1
 """Of what a pose may vary by, over the errors of the given ones, before it was measured."""
