@@ -6,6 +6,7 @@ of beams, cones and sensors are laid out anew.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -30,8 +31,10 @@ from prf.sensors.sonar import make_cones
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-MAP_STEPS = 16_000
-"""Steps of the map in a cycle."""
+MAP_STEPS = 4_000
+MOST_MAP_STEPS = 16_000
+"""Steps of the map in a cycle: the least, which has a turn on the whole window and one in a region, and the most. In
+between about as many as there are readings, since a turn of poses lays all of them out."""
 STEPS_PER_POSE = 4
 LEAST_POSE_STEPS = 200
 MOST_POSE_STEPS = 4_000
@@ -53,7 +56,8 @@ class PoseTurns:
         assert settings.poses is not None
         self.settings, self._advance_map = settings, advance_map
         self.state = make_poses(settings, settings.poses, chain)
-        n = len(self.state.pose)
+        n, n_readings = len(self.state.pose), len(self.state.beam_of) + len(self.state.cone_of)
+        self.map_steps = min(MOST_MAP_STEPS, MAP_STEPS * max(1, math.ceil(n_readings / MAP_STEPS)))
         self.pose_steps = int(np.clip(STEPS_PER_POSE * n, LEAST_POSE_STEPS, MOST_POSE_STEPS))
         self.warps = WARPS / self.pose_steps
 
@@ -64,12 +68,12 @@ class PoseTurns:
 
     def run_to(self, chain: Chain, rng: np.random.Generator, step: int) -> Chain:
         """Run a chain up to `step`: so many steps of the map, so many of poses, over and over."""
-        cycle = MAP_STEPS + self.pose_steps
+        cycle = self.map_steps + self.pose_steps
         while chain.graph.counts[c.STEP] < step:
             now = int(chain.graph.counts[c.STEP])
             begun = now - now % cycle
-            if now < begun + MAP_STEPS:
-                chain = self._advance_map(chain, rng, min(step, begun + MAP_STEPS))
+            if now < begun + self.map_steps:
+                chain = self._advance_map(chain, rng, min(step, begun + self.map_steps))
             else:
                 chain = self.move(chain, rng, min(step, begun + cycle))
         return chain
