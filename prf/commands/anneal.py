@@ -92,8 +92,8 @@ def anneal(
     o.refuse_shared_stream(
         {"--laser": laser, "--sonar": sonar, "--point-data": point_data, "--poses": poses, "--config": config}
     )
-    loaded = load_configuration(options, tables=(*IN_MANIFEST, "anneal"))
-    science = loaded.settings
+    loaded = load_configuration(options, tables=(*(set(IN_MANIFEST) - {"trajectory"}), "anneal"))
+    science = loaded.settings.replace(pose_noise=None, odometry=None, odometry_noise=None)
     target = output or str(default_output(logs[0]).with_suffix(".geojson"))
     logs = with_poses(logs, science)
     claim_output(target, force, inputs=[*logs, config], suffixes=(".geojson",), json=json)

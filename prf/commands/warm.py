@@ -63,10 +63,10 @@ def warm(
 ) -> None:
     """Compile the kernels ahead: for container images, CI, and machines that must answer at once.
 
-    Otherwise the first call of a verb compiles what it needs. laser, sonar, points and poses (uncertain ones) are for
-    sample and anneal, and share most; maps is query, score, grid and export. Kernels are kept for this version, this
-    Python and this kind of processor in $PRF_CACHE_DIR, or else in ~/.cache/prf/kernels, where whoever runs prf must be
-    able to write. A second call has nothing to do.
+    Otherwise the first call of a verb compiles what it needs. laser, sonar and points are for sample and anneal, and
+    share most; poses is for uncertain ones; maps is query, score, grid and export. Kernels are kept for this version,
+    this Python and this kind of processor in $PRF_CACHE_DIR, or else in ~/.cache/prf/kernels, where whoever runs prf
+    must be able to write. A second call has nothing to do.
     """
     from prf.kernels._jit import CACHE
     from prf.sampler.tiles.tiled import small_round

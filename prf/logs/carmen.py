@@ -137,7 +137,7 @@ def _read_lasers(
     if frame is not None and not odometry:
         raise OwnPoses(
             f"--frame {frame}: laser lines of {source} carry the laser's pose; a frame can be chosen for SONAR lines "
-            "alone, or with --odometry. Leave it out."
+            "alone, or with sample --odometry. Leave it out."
         )
     present = [name for name in (*POSE_LINES, RAW_ODOMETRY) if name in lines]
     if frame is not None and frame not in present:

@@ -24,7 +24,9 @@ DRIFT = np.array([0.02, 0.02, 0.004])  # m, m, rad that a step errs besides: wha
 def follow(scans: Scans, prior: PosePrior) -> tuple[Floats, Relations]:
     """Return the poses (n, 3) of odometry, each corrected by the scan, and the steps from each to the next."""
     near = scans.select(np.hypot(*scans.point.T) < REACH)
-    parts = [near.select(np.flatnonzero(near.owner == state)) for state in range(scans.n_states)]
+    order = np.argsort(near.owner, kind="stable")
+    ends = np.cumsum(np.bincount(near.owner, minlength=scans.n_states))[:-1]
+    parts = [near.select(own) for own in np.split(order, ends)]
     poses = prior.given.copy()
     known = np.zeros((len(poses) - 1, 3, 3))
     for state in range(1, len(poses)):

@@ -98,6 +98,28 @@ class PoseModel:
     sonar: LocalReadings | None = None
     # Draws (n, 3) of where chains start, round `start`; None: there
     draw_start: Callable[[np.random.Generator], Floats] | None = None
+    way: Floats | None = None  # (n, 2) metres driven and radians turned up to each state, along the whole log
+    odometry: Sequence[float] | None = None  # its four numbers (:data:`ODOMETRY`)
+
+    def used(self, rows: NDArray[np.int64], cone_rows: NDArray[np.int64]) -> PoseModel:
+        """Return the model of these readings of laser and sonar; states without a reading are left out."""
+        parts = [_rows(local, chosen) for local, chosen in ((self.laser, rows), (self.sonar, cone_rows))]
+        kept = np.unique(np.concatenate([part.owner for part in parts if part is not None]))
+        laser, sonar = (
+            None if part is None else part._replace(owner=np.searchsorted(kept, part.owner).astype(np.int32))
+            for part in parts
+        )
+        steps = _steps(self.prior.given[kept], self.odometry, None if self.way is None else self.way[kept])
+        prior = PosePrior(self.prior.given[kept], self.prior.noise, *steps)
+        start, draw = self.start[kept], self.draw_start
+
+        def drawn(rng: np.random.Generator) -> Floats:
+            found: Floats = start.copy() if draw is None else draw(rng)[kept]
+            if prior.is_held:
+                found[0] = start[0]
+            return found
+
+        return PoseModel(prior, self.scan[kept], self.time[kept], start, laser, sonar, drawn)
 
     def placed(self, laser: Readings | None, sonar: Readings | None, poses: Floats) -> list[Readings | None]:
         """Return readings of a laser and a sonar, those of this model, as they are with the states at `poses`."""
@@ -134,18 +156,24 @@ def pose_model(
     kept = [part for part in (laser, sonar) if part is not None]
     found = [_states(part) for part in kept]
     shared = _shared_states(found)
-    first = np.unique(np.concatenate(shared), return_index=True)[1]
+    _, first, state = np.unique(np.concatenate(shared), return_index=True, return_inverse=True)
     scan, time, given = (np.concatenate([getattr(each, name) for each in found])[first] for name in _States._fields[:3])
     order = _in_time(time, scan)
-    rank = np.argsort(order)
+    owners = np.split(np.argsort(order)[state], np.cumsum([len(own) for own in shared])[:-1])
     scan, time, given = scan[order], time[order], given[order]
-    steps = (np.zeros((0, 3)), np.zeros((0, 3)))
-    if odometry is not None:
-        steps = odometry_steps(kept[0], scan, given, odometry)
-    prior = PosePrior(given, np.array([np.inf, np.inf] if noise is None else noise, np.float64), *steps)
-    local = [_local(part, each, rank[own], given) for part, each, own in zip(kept, found, shared, strict=True)]
+    way = None if odometry is None else np.concatenate(_ways(kept, found))[first][order]
+    prior = PosePrior(
+        given, np.array([np.inf, np.inf] if noise is None else noise, np.float64), *_steps(given, odometry, way)
+    )
+    local = [_local(part, each, own, given) for part, each, own in zip(kept, found, owners, strict=True)]
     lasers, sonars = (local[0] if laser is not None else None), (local[-1] if sonar is not None else None)
-    return PoseModel(prior, scan, time, given.copy(), lasers, sonars)
+    return PoseModel(prior, scan, time, given.copy(), lasers, sonars, way=way, odometry=odometry)
+
+
+def _rows(local: LocalReadings | None, rows: NDArray[np.int64]) -> LocalReadings | None:
+    if local is None or len(rows) == 0:
+        return None
+    return LocalReadings(local.owner[rows], local.origin[rows], local.angle[rows])
 
 
 def _states(readings: Readings) -> _States:
@@ -161,13 +189,16 @@ def _states(readings: Readings) -> _States:
 
 def _shared_states(found: Sequence[_States]) -> list[NDArray[np.int64]]:
     """Return for the scans of each log a number of their state; scans of a second log share those of the first."""
-    numbers, n = [np.arange(len(found[0].scan))], len(found[0].scan)
+    n = len(found[0].scan)
+    numbers, order = [np.arange(n)], np.argsort(found[0].time)
+    known = found[0].time[order]
     for each in found[1:]:
-        own = n + np.arange(len(each.scan))
-        gap = np.abs(each.time[:, None] - found[0].time[None])
-        nearest = np.argmin(np.where(np.isnan(gap), np.inf, gap), axis=1)
-        near = gap[np.arange(len(own)), nearest] <= SAME_TIME
-        numbers.append(np.where(near, nearest, own))
+        after = np.clip(np.searchsorted(known, each.time), 1, n - 1) if n > 1 else np.zeros(len(each.time), np.int64)
+        before = np.maximum(after - 1, 0)
+        is_before = np.abs(each.time - known[before]) <= np.abs(each.time - known[after])
+        nearest = np.where(is_before, before, after)
+        near = np.abs(each.time - known[nearest]) <= SAME_TIME
+        numbers.append(np.where(near, order[nearest], n + np.arange(len(each.scan))))
     return numbers
 
 
@@ -182,25 +213,32 @@ def _local(readings: Readings, states: _States, state: NDArray[np.int64], given:
     return LocalReadings(owner.astype(np.int32), np.ascontiguousarray(local[:, :2]), local[:, 2].copy())
 
 
-def odometry_steps(
-    log: Readings, scan: NDArray[np.int64], given: Floats, odometry: Sequence[float]
-) -> tuple[Floats, Floats]:
-    """Return the measured steps (n - 1, 3) between given poses (n, 3) of scans, and their standard deviations.
+def _ways(logs: Sequence[Readings], found: Sequence[_States]) -> list[Floats]:
+    """Return how far was driven and turned up to the scans of each log, (n, 2): along the first log, used or not."""
+    table = logs[0].notes.scans
+    if not len(table.number) or not np.isfinite(table.pose).all():
+        raise InputError(f"{logs[0].source}: its poses have no heading, which odometry needs. Leave --odometry out.")
+    way = np.zeros((len(table.number), 2))
+    for device in np.unique(table.device):
+        own = table.device == device
+        change = np.diff(table.pose[own], axis=0)
+        steps = np.column_stack([np.hypot(change[:, 0], change[:, 1]), np.abs(wrapped(change[:, 2]))])
+        way[own] = np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
+    ways = [way[np.searchsorted(table.number, found[0].scan)]]
+    for log, each in zip(logs[1:], found[1:], strict=True):
+        if not (np.isfinite(table.time).all() and np.isfinite(each.time).all()):
+            raise InputError(f"{log.source}: odometry of two logs needs the times of both. Leave one log out.")
+        order = np.argsort(table.time, kind="stable")
+        ways.append(np.column_stack([np.interp(each.time, table.time[order], column[order]) for column in way.T]))
+    return ways
 
-    The way between two scans is that of all scans of the log between them, used or not.
-    """
-    table = log.notes.scans
-    if len(table.number) and not np.isfinite(table.pose).all():
-        raise InputError(f"{log.source}: its poses have no heading, which odometry needs. Leave --odometry out.")
-    driven, turned = np.zeros(len(scan)), np.zeros(len(scan))
-    if len(table.number):
-        change = np.diff(table.pose, axis=0)
-        along = np.append(0.0, np.cumsum(np.hypot(change[:, 0], change[:, 1])))
-        about = np.append(0.0, np.cumsum(np.abs(wrapped(change[:, 2]))))
-        at = np.searchsorted(table.number, scan)
-        driven, turned = along[at], about[at]
+
+def _steps(given: Floats, odometry: Sequence[float] | None, way: Floats | None) -> tuple[Floats, Floats]:
+    """Return the measured steps (n - 1, 3) between given poses (n, 3), and their standard deviations; none without."""
+    if odometry is None or way is None:
+        return np.zeros((0, 3)), np.zeros((0, 3))
     motion = seen_from(given[:-1], given[1:])
-    return motion, step_spread(motion, odometry, np.abs(np.diff(driven)), np.abs(np.diff(turned)))
+    return motion, step_spread(motion, odometry, *np.abs(np.diff(way, axis=0)).T)
 
 
 def step_spread(

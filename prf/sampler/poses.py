@@ -98,7 +98,11 @@ class PoseTurns:
         """Put the poses of a chain where scans agree, about: chains start apart."""
         model = self.settings.poses
         assert model is not None
-        return self.place(chain, model.start if model.draw_start is None else model.draw_start(rng))
+        if model.draw_start is not None:
+            chain = self.place(chain, model.draw_start(rng))
+            if self.settings.window.contains(self.sites(), strictly=True).all():
+                return chain
+        return self.place(chain, model.start)
 
     def place(self, chain: Chain, pose: Floats) -> Chain:
         """Put the poses of a chain at `pose` (n, 3), and all its readings with them."""

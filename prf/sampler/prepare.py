@@ -147,11 +147,11 @@ def prepare(
     """
     beams = None if laser is None else _beams(config, laser)
     cones = None if sonar is None else _cones(config, sonar)
-    given, whole = (beams, cones), None
+    whole = None
     if config.trajectory.is_uncertain and (beams is not None or cones is not None):
         whole = _started(config, beams, cones)
         beams, cones = whole.placed(beams, cones, whole.start)
-        driven = None if driven is None else [part for part in (beams, cones) if part is not None]
+        driven = [part for part in (beams, cones) if part is not None]
     sensors = [part for part in (beams, cones) if part is not None]
     window = _window(config, sensors, observed)
     n_outside = sum(int((~window.contains(part.origin, strictly=True)).sum()) for part in sensors)
@@ -173,7 +173,7 @@ def prepare(
         settings,
         way=driven_way(resolved.driven.radius, driven, sensors, window),
         seen=seen_cells(window, settings.resolution, inside, kept_cones, points),
-        poses=None if whole is None else _used(config, whole, given, rows, cone_rows),
+        poses=None if whole is None else whole.used(rows, cone_rows),
     )
     n_points_outside = 0 if observed is None or points is None else len(observed.value) - len(points.value)
     n_thinned = 0 if inside is None or kept_beams is None else len(inside.range) - len(kept_beams.range)
@@ -190,8 +190,6 @@ def _resolved(
         "resolution": config.sampler.resolution or chosen_resolution(window),
         "start": config.sampler.start or ("empty" if beams is None else "grid"),
     }
-    if config.trajectory.is_uncertain and (config.sampler.is_tempered or config.sampler.tiles):
-        raise ConfigError("uncertain poses: their chains have neither tiles nor temperatures. Leave these out.")
     if config.sampler.tiles is None:
         is_whole = config.sampler.is_tempered or config.trajectory.is_uncertain
         changes["tiles"] = 0 if is_whole else chosen_tiles(window, n_readings)
@@ -262,34 +260,13 @@ def _thinned(config: Configuration, beams: Readings, window: Window) -> NDArray[
 def _started(config: Configuration, beams: Readings | None, cones: Readings | None) -> PoseModel:
     """Return the uncertain poses of all readings, with where they start."""
     trajectory = config.trajectory
+    if config.sampler.is_tempered or config.sampler.tiles:
+        raise ConfigError("uncertain poses: their chains have neither tiles nor temperatures. Leave these out.")
     found = pose_model(beams, cones, trajectory.pose_noise, trajectory.step_noise)
     if beams is None:
-        return found
+        return found if len(found.prior.motion) else dataclasses.replace(found, draw_start=found.prior.draw)
     start = find_start(found, beams, config.laser.noise)
     return dataclasses.replace(found, start=start.poses, draw_start=start.draw)
-
-
-def _used(
-    config: Configuration,
-    whole: PoseModel,
-    given: tuple[Readings | None, Readings | None],
-    rows: NDArray[np.int64],
-    cone_rows: NDArray[np.int64],
-) -> PoseModel:
-    """Return the uncertain poses of readings in use, which start where they do among all.
-
-    Chains start as all readings have it: those in use are too thinly spread for scans to show walls.
-    """
-    parts = _chosen_rows(given[0], rows), _chosen_rows(given[1], cone_rows)
-    found = pose_model(*parts, config.trajectory.pose_noise, config.trajectory.step_noise)
-    among = np.zeros(len(found.start), np.int64)
-    for local, before, chosen in ((found.laser, whole.laser, rows), (found.sonar, whole.sonar, cone_rows)):
-        if local is not None and before is not None:
-            among[local.owner] = before.owner[chosen]
-    draw = whole.draw_start
-    return dataclasses.replace(
-        found, start=whole.start[among], draw_start=None if draw is None else lambda rng: draw(rng)[among]
-    )
 
 
 def ladder_plan(config: Configuration) -> LadderPlan:

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from prf.configuration import IN_MANIFEST, Configuration
+from prf.configuration import IN_MANIFEST, Configuration, Trajectory
 from prf.convergence import outlook, verdict
 from prf.kernels import constants as c
 from prf.logs import log_stem
@@ -182,7 +182,9 @@ class Session:
             arrays += [sonar.origin, sonar.angle, sonar.cone, sonar.range]
         if settings.points is not None:
             arrays += [settings.points.table.xy, settings.points.table.value]
-        digest = hashlib.sha256(json.dumps([self.config.flat(), self.seed], sort_keys=True).encode())
+        flat, poses = self.config.flat(), Trajectory.model_fields
+        kept = {name: value for name, value in flat.items() if name not in poses or value is not None}
+        digest = hashlib.sha256(json.dumps([kept, self.seed], sort_keys=True).encode())
         for array in arrays:
             digest.update(np.ascontiguousarray(array).tobytes())
         return digest.hexdigest()

@@ -170,6 +170,8 @@ class DrawsMap(PolygonalMaps):
         return None if self.best is None else _alone(self.best)
 
     def _black(self, xy: Floats) -> Bools:
+        if len(xy) == 0:
+            return np.zeros((len(self.draws), 0), np.bool_)
         x, y = np.ascontiguousarray(xy.T)
         first = np.r_[True, (x[1:] != x[:-1]) | (y[1:] != y[:-1])]  # beams of a scan follow one another
         return np.ascontiguousarray(black_at_draws(self.draws, xy[first])[:, np.cumsum(first) - 1])
