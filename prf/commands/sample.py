@@ -257,6 +257,8 @@ def _advice(run: Run, folder: Path) -> str:
         return f"Run longer, to agreement or for 30 minutes: {again}"
     if diagnostics["converged_seen"]:
         return ""
+    if run.trajectory is not None:
+        return f"Run longer: {again}"
     if waits and not is_tempered:
         return "Tempering: none so far, the chains were not found to disagree; run longer (docs/convergence.md)."
     other = "see docs/convergence.md" if is_tempered else "try --set sampler.temperatures=auto (docs/convergence.md)"

@@ -43,18 +43,17 @@ class Lines(NamedTuple):
     n_lines: int
 
 
-def align(scans: Scans, poses: Floats, pull: Pull, error: float, rng: np.random.Generator, reach: int = 0) -> Floats:
+def align(scans: Scans, poses: Floats, pull: Pull, error: float, rng: np.random.Generator) -> Floats:
     """Return poses (n, 3) at which the scans agree.
 
-    `error`: metres that points lie apart at first, about. `reach`: states before and after that a scan is aligned with;
-    0: all.
+    `error`: metres that points lie apart at first, about.
     """
     first = float(np.clip(4.0 * error, SMALLEST, LARGEST))
     sides = np.r_[np.geomspace(first, SMALLEST, ROUNDS - SETTLING), np.full(SETTLING, SMALLEST)]
     tolerances = np.r_[np.geomspace(WIDE * first, NARROW, ROUNDS - SETTLING), np.full(SETTLING, NARROW)]
     settled = []
     for side, tolerance in zip(sides, tolerances, strict=True):
-        lines = common_lines(scans, poses, side, tolerance, rng, reach)
+        lines = common_lines(scans, poses, side, tolerance, rng)
         change = _solve(lines, poses, pull)
         poses = compose(poses, np.clip(change, -STEP, STEP))
         settled.append(poses)
@@ -71,21 +70,13 @@ def dispersed(scans: Scans, poses: Floats, pull: Pull, rng: np.random.Generator)
     return compose(poses, change * np.min(CLOSE / np.maximum(size, CLOSE)))
 
 
-def common_lines(
-    scans: Scans, poses: Floats, side: float, tolerance: float, rng: np.random.Generator, reach: int = 0
-) -> Lines:
+def common_lines(scans: Scans, poses: Floats, side: float, tolerance: float, rng: np.random.Generator) -> Lines:
     """Return the lines of squares of a side (m), laid at random, in which points of several states lie."""
-    epoch = np.zeros_like(scans.owner)
-    if reach:
-        # Two sets of stretches, each across the seams of the other.
-        start = scans.owner + rng.integers(2 * reach)
-        epoch = np.concatenate([start // (2 * reach), (start + reach) // (2 * reach) + len(poses) + 1])
-        scans = scans.select(np.tile(np.arange(len(start)), 2))
     world, normal = scans.at(poses)
     column, row = np.floor((world + rng.uniform(0.0, side, 2)) / side).astype(np.int64).T
     turn = np.arctan2(normal[:, 1], normal[:, 0]) + rng.uniform(0.0, 2.0 * np.pi)
     sector = np.floor(turn * (SECTORS / (2.0 * np.pi))).astype(np.int64) % SECTORS
-    line = _numbered(epoch, sector, column, row)
+    line = _numbered(sector, column, row)
     n = int(line.max(initial=-1)) + 1
     sure = scans.weight / (1.0 + scans.weight * (BLUR * tolerance) ** 2)
     weight, across = sure, _mean(line, normal, sure, n)

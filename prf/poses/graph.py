@@ -29,10 +29,6 @@ class Relations(NamedTuple):
         pairs = [np.concatenate(pair) for pair in zip(self, other, strict=True)]
         return Relations(pairs[0], pairs[1], pairs[2], pairs[3])
 
-    def select(self, mask: NDArray[np.bool_]) -> Relations:
-        """Return the chosen ones."""
-        return Relations(self.tail[mask], self.head[mask], self.pose[mask], self.root[mask])
-
 
 def root_of(covariance: Floats) -> Floats:
     """Return the square roots (k, 3, 3) of the information, by the covariances (k, 3, 3) of errors."""
