@@ -57,10 +57,16 @@ def press(page, key: str, n_by_hand: int) -> int:
 
 def test_twenty_patches_by_keys_a_kill_and_on_from_there(page, saved, running):
     server = running(saved)
+    loading: set[object] = set()
+    page.on("request", lambda request: loading.add(request))
+    for end in ("requestfinished", "requestfailed"):
+        page.on(end, lambda request: loading.discard(request))
     open_page(page, server)
     keys = ["p", "s", "u", "s"] * 5
     said = {press(page, key, number + 1): KEYS[key] for number, key in enumerate(keys)}
     assert len(said) == 20
+    while loading:  # an answer that the kill cuts short is an error to the browser
+        page.wait_for_timeout(10)
     assert server.end(signal.SIGKILL)[0] == -signal.SIGKILL
     found = read_patches(saved)
     assert {int(patch): int(found.label[patch]) for patch in np.flatnonzero(found.label_source)} == said
