@@ -20,10 +20,10 @@ from numpy.typing import NDArray
 
 from benchmarks import commands
 from benchmarks.commands import made
-from prf.coloring import black_at_draws
-from prf.convergence import diagnose
-from prf.layout import image_grid, pixel_centres
-from prf.run import Run, read_run
+from prf.model.coloring import black_at_draws
+from prf.model.layout import image_grid, pixel_centres
+from prf.results import Run, read_run
+from prf.results.convergence import diagnose
 
 LOGS = ("office", "intel", "aces", "freiburg-101", "csail")
 OFFICE = Path(__file__).resolve().parent.parent / "data" / "demo-office.log.gz"

@@ -27,13 +27,13 @@ from scipy.ndimage import median_filter
 from shapely.geometry.base import BaseGeometry
 
 from benchmarks import panels
-from prf.coloring import Coloring
-from prf.posterior import PointData, Settings
-from prf.run import PosteriorImage
+from prf.model.coloring import Coloring
+from prf.model.points import PointModel, window_round
+from prf.model.window import Window
+from prf.results import PosteriorImage
 from prf.sampler import Sampler
-from prf.sensors.points import PointModel, window_round
-from prf.shell.seeds import spawn_generators
-from prf.window import Window
+from prf.sampler.posterior import PointData, Settings
+from prf.shell.cli.seeds import spawn_generators
 
 SIZE = 96
 FLIPS = 0.25

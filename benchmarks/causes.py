@@ -18,14 +18,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mapq.assess.causes import CAUSES, LOCAL, MISSED_LOOP, Cause, find_causes
-from mapq.assess.visits import visits_of
 from mapq.cloud import PointCloud
 from mapq.features import FeatureSettings, patch_features
 from mapq.labels import label_from_field
 from mapq.patches import NO_PATCH, SUSPICIOUS, Patches
 from mapq.perturb import PoseErrors, build, displaced
 from mapq.posed import PosedScans
+from mapq.results.causes import CAUSES, LOCAL, MISSED_LOOP, Cause, find_causes
+from mapq.results.visits import visits_of
 from mapq.segmentation import segment
 from mapq.simulate import Settings, simulate
 

@@ -24,9 +24,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mapq.assess import assess
 from mapq.io import read_cloud, write_cloud
 from mapq.patches import UNLABELLED
+from mapq.results import assess
 from mapq.segmentation import segment
 from mapq.simulate import SIZES, Settings, simulate
 from mapq.simulate.city import POINTS_OF_TILE, write_city

@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from prf.convergence import diagnose
-from prf.run import names, read_run
-from prf.shell.jsonout import jsonable
+from prf.results import names, read_run
+from prf.results.convergence import diagnose
+from prf.shell.cli.jsonout import jsonable
 
 ROOT = Path(__file__).resolve().parents[1]
 DATA = ROOT.parent / "shared" / "data" / "prf"

@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 
 from benchmarks.drawn_labels import draw_labels
 from benchmarks.table2 import MANY, PLAIN, TRAIN_SEEDS, Row, make_map, seen
-from mapq.assess import feature_settings
 from mapq.crf import TrainSettings, classify
 from mapq.crf.cross_validation import train
 from mapq.crf.train import TrainingMap
@@ -29,6 +28,7 @@ from mapq.features.settings import CONTEXTS
 from mapq.io.models import read_default_model
 from mapq.model import Model
 from mapq.patches import SUSPICIOUS, Patches
+from mapq.results import feature_settings
 from mapq.simulate import Kind, Settings
 from mapq.training import N_REGIONS, region_size, regions_of
 

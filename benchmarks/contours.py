@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from prf.occupancy import OccupancyGrid
+from prf.results.occupancy import OccupancyGrid
 
 THRESHOLD = 0.35
 """Cells that some beam ended in and that are at least so probably occupied are walls; 0.5 loses thin ones."""

@@ -24,14 +24,14 @@ import numpy as np
 
 from benchmarks import commands, worlds
 from benchmarks.commands import say
-from prf.coloring import Coloring
 from prf.configuration import Configuration
 from prf.kernels import constants as c
-from prf.kernels.build import recompute_sums
-from prf.kernels.chain import Chain
-from prf.layout import make_sites, read_coloring
-from prf.logs import Readings, read_readings, thin
-from prf.posterior import Settings, make_chain
+from prf.kernels.state.build import recompute_sums
+from prf.kernels.state.chain import Chain
+from prf.model.coloring import Coloring
+from prf.model.layout import make_sites, read_coloring
+from prf.readings import Readings, read_readings, thin
+from prf.sampler.posterior import Settings, make_chain
 from prf.sampler.prepare import prepare
 
 LOG = "freiburg-079"

@@ -10,7 +10,7 @@ import shapely
 from numpy.typing import NDArray
 
 from benchmarks.commands import made
-from prf.logs import read_readings
+from prf.readings import read_readings
 
 Floats = NDArray[np.float64]
 

@@ -20,15 +20,15 @@ import shapely
 from scipy import integrate
 
 from benchmarks.commands import OUTPUT, write_table
-from prf.coloring import Coloring, from_polygons
-from prf.kernels.cones import READING
-from prf.kernels.sonar_features import BEARING, CORNER, DEPTH, KIND, PROJECTION, SUBTENDED
-from prf.kernels.sonar_score import Scene, add_sonar_densities
-from prf.render import layers
-from prf.score.scene import features_seen, scene_of_coloring
-from prf.sensors.sonar import Returns, SonarModel, make_poses, return_probabilities
-from prf.shell import pictures as style
-from prf.window import Window
+from prf.kernels.readings.cones import READING
+from prf.kernels.readings.sonar_features import BEARING, CORNER, DEPTH, KIND, PROJECTION, SUBTENDED
+from prf.kernels.score.sonar import Scene, add_sonar_densities
+from prf.model.coloring import Coloring, from_polygons
+from prf.model.sonar import Returns, SonarModel, make_poses, return_probabilities
+from prf.model.window import Window
+from prf.output.pictures import layers
+from prf.results.score.scene import features_seen, scene_of_coloring
+from prf.shell.cli import pictures as style
 
 WINDOW = Window(-0.3, -1.3, 3.9, 1.3)
 VIEW = math.radians(30.0)

@@ -22,10 +22,10 @@ import shapely
 
 from benchmarks import commands, panels
 from benchmarks.commands import made, say
-from prf.logs import read_readings, thin
-from prf.occupancy import read_grid
-from prf.run import Run, read_run
-from prf.run.mapfile import read_map_feature
+from prf.readings import read_readings, thin
+from prf.results import Run, read_run
+from prf.results.mapfile import read_map_feature
+from prf.results.occupancy import read_grid
 
 SCALE = 0.1
 SECONDS = 600.0

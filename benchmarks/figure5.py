@@ -24,11 +24,11 @@ from matplotlib.collections import LineCollection
 
 from benchmarks import commands, panels
 from benchmarks.commands import made, prf, say
-from prf.logs import Readings
-from prf.occupancy import read_grid
-from prf.run import names, read_run
-from prf.run.mapfile import read_map_feature
-from prf.shell import pictures as style
+from prf.readings import Readings
+from prf.results import names, read_run
+from prf.results.mapfile import read_map_feature
+from prf.results.occupancy import read_grid
+from prf.shell.cli import pictures as style
 
 SCALE = 0.1
 SECONDS = 600.0

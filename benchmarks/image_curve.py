@@ -13,10 +13,10 @@ from pathlib import Path
 import numpy as np
 
 from prf.configuration import Configuration
-from prf.logs import read_readings
+from prf.readings import read_readings
 from prf.sampler.chains import Sampler
 from prf.sampler.prepare import prepare
-from prf.shell.seeds import spawn_generators
+from prf.shell.cli.seeds import spawn_generators
 
 THREADS = 2
 

@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 from scipy import stats
 
 import prf
-from prf.estimate import by_chain, estimates, occupied_in_draws, path_free_in_draws, smallest_ess
-from prf.window import Window
+from prf.model.window import Window
+from prf.results.estimate import by_chain, estimates, occupied_in_draws, path_free_in_draws, smallest_ess
 
 RADIUS = 0.25
 DRAWN = {"points": 1500, "paths": 300}

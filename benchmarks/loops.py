@@ -12,12 +12,9 @@ import numpy as np
 
 from prf.kernels import constants as c
 from prf.kernels.accept import accept, log_proposal_ratio
-from prf.kernels.beams import Beams, first_hit, link_beam, shift_cells, slot_at
-from prf.kernels.chain import Chain, apply_edges, refresh_vertices
-from prf.kernels.crossing import is_valid
-from prf.kernels.geometry import inside_loop
-from prf.kernels.laser import beam_log_likelihood
-from prf.kernels.laser_change import (
+from prf.kernels.readings.beams import Beams, first_hit, link_beam, shift_cells, slot_at
+from prf.kernels.readings.laser import beam_log_likelihood
+from prf.kernels.readings.laser_change import (
     NEW_EDGE,
     most_cut,
     most_freed,
@@ -26,10 +23,13 @@ from prf.kernels.laser_change import (
     touch_beams,
     touch_freed_beams,
 )
-from prf.kernels.prior import log_prior_change
-from prf.kernels.proposal import N_LOOP, N_OLD_EDGES
-from prf.kernels.sites import any_inside
-from prf.kernels.slots import list_slot
+from prf.kernels.state.chain import Chain, apply_edges, refresh_vertices
+from prf.kernels.state.crossing import is_valid
+from prf.kernels.state.geometry import inside_loop
+from prf.kernels.state.prior import log_prior_change
+from prf.kernels.state.proposal import N_LOOP, N_OLD_EDGES
+from prf.kernels.state.sites import any_inside
+from prf.kernels.state.slots import list_slot
 from prf.kernels.step import choose_move, propose, step
 
 FLAGS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "_nrt": False, "cache": False}

@@ -14,12 +14,12 @@ import numpy as np
 
 from benchmarks import loops, worlds
 from prf.kernels import constants as c
-from prf.kernels.build import recompute_sums
-from prf.kernels.chain import Chain
+from prf.kernels.state.build import recompute_sums
+from prf.kernels.state.chain import Chain
 from prf.kernels.step import run
-from prf.layout import read_coloring
-from prf.posterior import Settings
+from prf.model.layout import read_coloring
 from prf.sampler.chain import ChainSampler
+from prf.sampler.posterior import Settings
 
 STEPS_TOGETHER = 60_000
 """Steps from each snapshot of the loops that are nearly alike."""

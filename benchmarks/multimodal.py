@@ -29,22 +29,22 @@ import shapely
 from numpy.typing import NDArray
 
 from benchmarks import panels
-from prf.coloring import Draws, black_at_draws
-from prf.convergence import Diagnosis, verdict
-from prf.layout import image_grid, pixel_centres
-from prf.logs import Readings
-from prf.posterior import LaserData, Settings
-from prf.render import layers
-from prf.run import PosteriorImage
+from prf.model.coloring import Draws, black_at_draws
+from prf.model.laser import LaserModel
+from prf.model.layout import image_grid, pixel_centres
+from prf.model.window import Window
+from prf.output.pictures import layers
+from prf.readings import Readings
+from prf.results import PosteriorImage
+from prf.results.convergence import Diagnosis, verdict
 from prf.sampler import Sampler
 from prf.sampler.chains import Sample
+from prf.sampler.posterior import LaserData, Settings
 from prf.sampler.tempering import LadderPlan
-from prf.sensors.laser import LaserModel
-from prf.shell import pictures as style
-from prf.shell.seeds import spawn_generators
+from prf.shell.cli import pictures as style
+from prf.shell.cli.seeds import spawn_generators
 from prf.simulate.laser import LaserPhysics, cast, measure
 from prf.simulate.world import World
-from prf.window import Window
 
 Floats = NDArray[np.float64]
 Bits = NDArray[np.bool_]

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from prf.logs import read_readings, thin
-from prf.occupancy import OccupancyGrid, write_grid
+from prf.readings import read_readings, thin
+from prf.results.occupancy import OccupancyGrid, write_grid
 
 INSTALLED = importlib.util.find_spec("pyoctomap") is not None
 

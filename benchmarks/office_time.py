@@ -23,9 +23,9 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from benchmarks import commands, worlds
-from prf.layout import image_grid, pixel_centres
-from prf.posterior import LaserData
-from prf.shell import pictures
+from prf.model.layout import image_grid, pixel_centres
+from prf.sampler.posterior import LaserData
+from prf.shell.cli import pictures
 
 NEAR = 0.5
 """Metres from a beam within which cells are compared."""

@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from prf.coloring import Coloring
-from prf.logs import Readings
-from prf.render import layers
-from prf.run import PosteriorImage
-from prf.shell import pictures as style
-from prf.window import Window
+from prf.model.coloring import Coloring
+from prf.model.window import Window
+from prf.output.pictures import layers
+from prf.readings import Readings
+from prf.results import PosteriorImage
+from prf.shell.cli import pictures as style
 
 GAP, EDGE, CAPTION, BAR = 0.3, 0.3, 0.5, 0.9
 """Inches between panels, at the edges of the page, below each panel, and for the bar of grey."""

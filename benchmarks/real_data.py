@@ -15,7 +15,7 @@ from mapq.labels import label_from_field
 from mapq.patches import FROM_FIELD, NO_PATCH, PLAUSIBLE, Patches
 from mapq.posed import FindSettings, PosedScans, find_scans
 from mapq.segmentation import segment
-from prf.shell.trajectory import read_trajectory
+from prf.shell.poses.trajectory import read_trajectory
 
 DATA = ROOT.parent / "shared" / "data" / "mapq"
 FEWEST_POINTS = 5000

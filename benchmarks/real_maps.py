@@ -30,12 +30,12 @@ from benchmarks.real_methods import (
 )
 from benchmarks.split import split_by_place
 from mapq.crf.calibration import with_false_alarms
-from mapq.evaluate import Scores
 from mapq.io.models import read_default_model
 from mapq.model import Model
 from mapq.patches import Patches
 from mapq.perturb import build
 from mapq.posed import MergeSettings, PosedScans
+from mapq.results.evaluate import Scores
 
 TEST_SHARE, BUFFER = 0.45, 40.0
 """Of the park, from west to east: of its points that are tested on, and metres between them and the others."""

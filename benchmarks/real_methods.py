@@ -8,16 +8,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mapq.assess import feature_settings
 from mapq.crf import TrainSettings, classify
 from mapq.crf.cross_validation import train
 from mapq.crf.train import TrainingMap
-from mapq.evaluate import Scores, score_labels
 from mapq.features import FeatureSettings, patch_features
 from mapq.io.models import read_default_model
 from mapq.labels import label_from_field
 from mapq.model import Model
 from mapq.patches import PLAUSIBLE, SUSPICIOUS, UNLABELLED, Patches
+from mapq.results import feature_settings
+from mapq.results.evaluate import Scores, score_labels
 from mapq.segmentation import segment
 from mapq.simulate import Settings, simulate
 from mapq.training import N_REGIONS, region_size, regions_of

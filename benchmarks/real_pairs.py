@@ -16,13 +16,13 @@ import numpy as np
 from benchmarks import real_data
 from benchmarks.entropies import entropies
 from benchmarks.real_methods import say
-from mapq.assess.regions import weighted_median
 from mapq.cloud import PointCloud
 from mapq.features import FeatureSettings, patch_features
 from mapq.model import Model
 from mapq.patches import SUSPICIOUS, Patches
 from mapq.perturb import build
 from mapq.posed import PosedScans
+from mapq.results.regions import weighted_median
 from mapq.segmentation import segment
 
 LEVELS = ((0.01, 0.1), (0.03, 0.3))

@@ -20,13 +20,13 @@ from scipy.stats import spearmanr
 from benchmarks import real_data
 from benchmarks.map_metrics import map_metrics
 from benchmarks.real_methods import models_from_simulation, say
-from mapq.evaluate import score_labels
 from mapq.features import measure_shapes
 from mapq.model import Model
 from mapq.patches import SUSPICIOUS
 from mapq.perturb import PoseErrors, build
 from mapq.perturb.label import Rule, label_points
 from mapq.posed import PosedScans
+from mapq.results.evaluate import score_labels
 from mapq.segmentation import segment
 
 LARGEST = (1.0, 2.0)

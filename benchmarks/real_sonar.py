@@ -22,8 +22,8 @@ import shapely
 
 from benchmarks import commands
 from benchmarks.commands import made, prf, say
-from prf.logs import write_table
-from tests.logs.sonar_sets import ARENA_WALLS, arena_readings, corridor8_readings
+from prf.readings import write_table
+from tests.readings.sonar_sets import ARENA_WALLS, arena_readings, corridor8_readings
 
 SECONDS = 60.0
 

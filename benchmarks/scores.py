@@ -22,9 +22,9 @@ from benchmarks import commands
 from benchmarks.commands import made, prf, say
 from benchmarks.contours import write_contours
 from benchmarks.octomap import INSTALLED, write_octomap
-from prf.occupancy import read_grid
-from prf.run import names
-from prf.run.mapfile import read_map_feature
+from prf.results import names
+from prf.results.mapfile import read_map_feature
+from prf.results.occupancy import read_grid
 
 SECONDS = 180.0
 HELD_OUT = "5::10"

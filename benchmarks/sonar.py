@@ -21,23 +21,23 @@ import numpy as np
 
 from benchmarks import commands, worlds
 from benchmarks.loops import bench
-from prf.coloring import Draws
 from prf.configuration import Configuration
-from prf.estimate import occupied_probability
 from prf.kernels import constants as c
 from prf.kernels.accept import log_proposal_ratio
-from prf.kernels.chain import Chain
-from prf.kernels.cones import CONE_LOG_LIKELIHOOD, sense
-from prf.kernels.crossing import is_valid
-from prf.kernels.prior import log_prior_change
-from prf.kernels.proposal import N_LOOP
-from prf.kernels.sites import any_inside
-from prf.kernels.sonar_change import sonar_change, touch_cones
+from prf.kernels.readings.cones import CONE_LOG_LIKELIHOOD, sense
+from prf.kernels.readings.sonar_change import sonar_change, touch_cones
+from prf.kernels.state.chain import Chain
+from prf.kernels.state.crossing import is_valid
+from prf.kernels.state.prior import log_prior_change
+from prf.kernels.state.proposal import N_LOOP
+from prf.kernels.state.sites import any_inside
 from prf.kernels.step import choose_move, propose
-from prf.logs import read_readings
-from prf.posterior import Settings
-from prf.run import read_run
+from prf.model.coloring import Draws
+from prf.readings import read_readings
+from prf.results import read_run
+from prf.results.estimate import occupied_probability
 from prf.sampler.driver import StopRule, drive
+from prf.sampler.posterior import Settings
 from prf.sampler.prepare import prepare, read_prepared
 from prf.sampler.session import Session
 

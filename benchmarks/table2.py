@@ -20,12 +20,12 @@ from benchmarks.drawn_labels import draw_labels
 from mapq.crf import TrainSettings, classify
 from mapq.crf.cross_validation import train
 from mapq.crf.train import TrainingMap
-from mapq.evaluate import Scores, score_labels
 from mapq.features import FeatureSettings, patch_features
 from mapq.features.provenance import PASS, SCAN, TIME, TO_SENSOR
 from mapq.graph import PatchFeatures
 from mapq.labels import label_from_field
 from mapq.patches import Patches
+from mapq.results.evaluate import Scores, score_labels
 from mapq.segmentation import segment
 from mapq.simulate import Settings, simulate
 from mapq.training import N_REGIONS, region_size, regions_of

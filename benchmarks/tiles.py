@@ -24,11 +24,11 @@ from benchmarks import commands, panels
 from benchmarks.commands import made, prf, say
 from prf.configuration import Configuration
 from prf.kernels import constants as c
-from prf.kernels.build import recompute_sums
+from prf.kernels.state.build import recompute_sums
 from prf.kernels.step import run
-from prf.layout import grow
-from prf.posterior import Settings, make_chain, one_colour_map
-from prf.run import read_run
+from prf.model.layout import grow
+from prf.results import read_run
+from prf.sampler.posterior import Settings, make_chain, one_colour_map
 from prf.sampler.prepare import read_prepared
 from prf.sampler.tiles.partition import PLAIN_SHARE, narrowest, round_length
 from prf.sampler.tiles.rounds import make_round, make_tile_data

@@ -32,11 +32,11 @@ from benchmarks import commands
 from benchmarks.commands import made, say
 from benchmarks.drives import CASES, JUDGING, REAL, TUNING, Case, Drive, Floats, disturbed, simulated
 from prf.configuration import load_configuration
-from prf.logs import thin
-from prf.logs.describe import default_max_range
 from prf.poses.model import pose_model
 from prf.poses.plane import wrapped
 from prf.poses.start import find_trajectory
+from prf.readings import thin
+from prf.readings.describe import default_max_range
 from prf.sampler.prepare import read_configured
 
 WITHIN = 1.96  # standard deviations that hold 95 %

@@ -10,18 +10,18 @@ from typing import Any
 
 import numpy as np
 
-from prf.arak import exact_draws
-from prf.coloring import Coloring
 from prf.configuration import Configuration
 from prf.kernels import constants as c
-from prf.kernels.build import recompute_sums
-from prf.kernels.chain import Chain
+from prf.kernels.state.build import recompute_sums
+from prf.kernels.state.chain import Chain
 from prf.kernels.step import run
-from prf.layout import grow
-from prf.logs import read_readings, thin
-from prf.posterior import Settings, make_chain
+from prf.model.arak import exact_draws
+from prf.model.coloring import Coloring
+from prf.model.layout import grow
+from prf.model.window import Window
+from prf.readings import read_readings, thin
+from prf.sampler.posterior import Settings, make_chain
 from prf.sampler.prepare import prepare
-from prf.window import Window
 
 ROOT = Path(__file__).resolve().parents[1]
 OFFICE = ROOT / "data" / "demo-office.log.gz"

@@ -25,7 +25,7 @@ from playwright.sync_api import sync_playwright
 
 import mapq.cli
 import prf.cli
-from prf.shell.run import run_app
+from prf.shell.cli.run import run_app
 
 ROOT = Path(__file__).parent.parent
 IMAGES = Path(__file__).parent / "images"

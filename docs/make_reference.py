@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import mapq.cli
 import prf.cli
-from prf.shell.app import EXIT_CODES, LazyGroup, common_flags
+from prf.shell.cli.app import EXIT_CODES, LazyGroup, common_flags
 
 TOOLS = {"prf": prf.cli, "mapq": mapq.cli}
 FOLDER = Path(__file__).parent / "reference"

@@ -11,7 +11,6 @@ from prf import __version__ as __version__
 
 if TYPE_CHECKING:
     from mapq.api import classify, point_cloud, read_cloud, read_scans, segment, train
-    from mapq.assess import Result
     from mapq.cloud import PointCloud
     from mapq.crf import TrainSettings
     from mapq.features import FeatureSettings
@@ -21,6 +20,7 @@ if TYPE_CHECKING:
     from mapq.model import Model
     from mapq.patches import Patches
     from mapq.posed import FindSettings, MergeSettings
+    from mapq.results import Result
     from mapq.segmentation import SegmentSettings
     from prf.shell.errors import PrfError
 
@@ -48,7 +48,7 @@ __all__ = [
 
 _HOMES = {
     "mapq.api": ("classify", "point_cloud", "read_cloud", "read_scans", "segment", "train"),
-    "mapq.assess": ("Result",),
+    "mapq.results": ("Result",),
     "mapq.cloud": ("PointCloud",),
     "mapq.crf": ("TrainSettings",),
     "mapq.features": ("FeatureSettings",),

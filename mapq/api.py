@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mapq import assess
+from mapq import results as assess
 from mapq.cloud import PointCloud
 from mapq.crf import TrainSettings
 from mapq.crf.calibration import with_false_alarms
@@ -24,8 +24,8 @@ from mapq.patches import Patches
 from mapq.posed import FindSettings, MergeSettings, find_scans, merge_scans
 from mapq.segmentation import STAGES, SegmentSettings
 from mapq.segmentation import segment as cut
+from prf.shell.cli.notebook import ProgressCallback, reported
 from prf.shell.errors import ArgumentError, UsageError
-from prf.shell.notebook import ProgressCallback, reported
 
 logger = logging.getLogger(__name__)
 

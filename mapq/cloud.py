@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     from mapq.patches import Patches
     from mapq.segmentation import SegmentSettings
-    from prf.shell.notebook import ProgressCallback
+    from prf.shell.cli.notebook import ProgressCallback
 
 SHIFT_ABOVE = 1e4
 """Metres: farther from the origin than this, covariances of float64 squares begin to lose what sensors resolve."""
@@ -85,7 +85,7 @@ class PointCloud:
     def _repr_html_(self) -> str:
         """Return the card that a notebook shows."""
         from mapq.render import picture_of
-        from prf.shell.notebook import card
+        from prf.shell.cli.notebook import card
 
         facts = {"points": f"{len(self):,}", "fields": ", ".join(self.fields) or "none", "source": self.source}
         return card("Point cloud", facts, picture_of(self).png())

@@ -11,8 +11,8 @@ from mapq.features.settings import CONTEXTS, FeatureSettings
 from mapq.io.options import ReadOptions
 from mapq.posed.merge import MergeSettings
 from mapq.segmentation.settings import SegmentSettings
+from prf.shell.cli.settings import Loaded, Table, Tree, key, load_options
 from prf.shell.errors import UsageError
-from prf.shell.settings import Loaded, Table, Tree, key, load_options
 
 Direction = tuple[float, float, float]
 
@@ -192,7 +192,7 @@ class Configuration(Tree):
 
 
 def load_configuration(options: Mapping[str, Any], *tables: str) -> Loaded[Configuration]:
-    """Return what the options of a verb that reads `tables` ask for, see :func:`prf.shell.settings.load_options`."""
+    """Return what a verb that reads `tables` was given, see :func:`~prf.shell.cli.settings.load_options`."""
     return load_options(Configuration, options, tables)
 
 

@@ -168,7 +168,7 @@ class Model:
             If the file exists and may not be replaced (`force`), or cannot be written.
         """
         from mapq.io.models import write_model
-        from prf.shell.outputs import refuse_existing
+        from prf.shell.cli.outputs import refuse_existing
 
         refuse_existing(path, force)
         write_model(path, self)

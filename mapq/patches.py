@@ -17,11 +17,11 @@ from prf.shell.errors import ArgumentError
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from mapq.assess import Result
     from mapq.features import FeatureSettings
     from mapq.graph import PatchFeatures
     from mapq.model import Model
-    from prf.shell.notebook import ProgressCallback
+    from mapq.results import Result
+    from prf.shell.cli.notebook import ProgressCallback
 
 NO_PATCH = -1
 """Patch number of a point that belongs to none."""
@@ -125,7 +125,7 @@ class Patches:
         """
         from mapq.features import patch_features
         from mapq.features.compute import N_STEPS
-        from prf.shell.notebook import reported
+        from prf.shell.cli.notebook import reported
 
         with reported(progress, N_STEPS, "features") as reporter:
             return patch_features(self, settings, reporter)
@@ -174,7 +174,7 @@ class Patches:
             If the file exists and may not be replaced (`force`), or cannot be written.
         """
         from mapq.io.patches import write_patches
-        from prf.shell.outputs import refuse_existing
+        from prf.shell.cli.outputs import refuse_existing
 
         refuse_existing(path, force)
         write_patches(path, self)
@@ -194,7 +194,7 @@ class Patches:
     def _repr_html_(self) -> str:
         """Return the card that a notebook shows."""
         from mapq.render import picture_of
-        from prf.shell.notebook import card
+        from prf.shell.cli.notebook import card
 
         n_suspicious, n_plausible = (int((self.label == label).sum()) for label in (SUSPICIOUS, PLAUSIBLE))
         facts = {

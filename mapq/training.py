@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 from mapq.crf import TrainSettings
 from mapq.crf.cross_validation import Trained, split_regions, train
 from mapq.crf.train import TrainingMap
-from mapq.evaluate import Scores, score_labels
 from mapq.features import FeatureSettings, patch_features
 from mapq.io import read_patches
 from mapq.model import Model
 from mapq.patches import PLAUSIBLE, SUSPICIOUS, UNLABELLED, Patches
-from prf.shell.manifest import describe_input, describe_process
-from prf.shell.progress import Reporter
+from mapq.results.evaluate import Scores, score_labels
+from prf.shell.cli.manifest import describe_input, describe_process
+from prf.shell.cli.progress import Reporter
 
 N_REGIONS = 20
 """Into so many regions the labelled patches of all maps are cut for cross-validation, about."""

@@ -12,13 +12,13 @@ __version__ = "0.1.0"
 if TYPE_CHECKING:
     from prf.api.sampling import resume, sample
     from prf.api.science import Prior, read_readings
-    from prf.logs import PointTable, Readings
-    from prf.logs.arrays import laser, points, sonar
-    from prf.run import Run, read_run
+    from prf.model.laser import LaserModel
+    from prf.model.points import PointModel
+    from prf.model.sonar import SonarModel
+    from prf.readings import PointTable, Readings
+    from prf.readings.arrays import laser, points, sonar
+    from prf.results import Run, read_run
     from prf.sampler.session import Session
-    from prf.sensors.laser import LaserModel
-    from prf.sensors.points import PointModel
-    from prf.sensors.sonar import SonarModel
     from prf.shell.errors import PrfError
 
 __all__ = [
@@ -43,13 +43,13 @@ __all__ = [
 _HOMES = {
     "prf.api.sampling": ("resume", "sample"),
     "prf.api.science": ("Prior", "read_readings"),
-    "prf.logs": ("PointTable", "Readings"),
-    "prf.logs.arrays": ("laser", "points", "sonar"),
-    "prf.run": ("Run", "read_run"),
+    "prf.readings": ("PointTable", "Readings"),
+    "prf.readings.arrays": ("laser", "points", "sonar"),
+    "prf.results": ("Run", "read_run"),
     "prf.sampler.session": ("Session",),
-    "prf.sensors.laser": ("LaserModel",),
-    "prf.sensors.points": ("PointModel",),
-    "prf.sensors.sonar": ("SonarModel",),
+    "prf.model.laser": ("LaserModel",),
+    "prf.model.points": ("PointModel",),
+    "prf.model.sonar": ("SonarModel",),
     "prf.shell.errors": ("PrfError",),
 }
 """Module to the names that it lends to this package; a test holds them to what type checkers see above."""

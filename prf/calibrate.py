@@ -21,16 +21,16 @@ from numpy.typing import NDArray
 from scipy import optimize, special
 
 from prf.configuration import Configuration
-from prf.kernels.sonar_features import CORNER, DEPTH, KIND, PROJECTION, SUBTENDED
-from prf.logs import Readings, thin
-from prf.logs.describe import default_max_range
-from prf.logs.poses import fields_of_view
-from prf.score import HeldOutSonar, OccupiedArea, read_occupied_area
-from prf.score.scene import enclosing_window, features_seen, first_edges, outline, scene_of_region
-from prf.sensors.laser import LaserModel, unit_vectors, window_exit
-from prf.sensors.sonar import SonarModel, make_poses
+from prf.kernels.readings.sonar_features import CORNER, DEPTH, KIND, PROJECTION, SUBTENDED
+from prf.model.laser import LaserModel, unit_vectors, window_exit
+from prf.model.sonar import SonarModel, make_poses
+from prf.readings import Readings, thin
+from prf.readings.describe import default_max_range
+from prf.readings.poses import fields_of_view
+from prf.results.score import HeldOutSonar, OccupiedArea, read_occupied_area
+from prf.results.score.scene import enclosing_window, features_seen, first_edges, outline, scene_of_region
+from prf.shell.cli.settings import settings_text
 from prf.shell.errors import InputError
-from prf.shell.settings import settings_text
 from prf.simulate.sources import YAML_SUFFIXES, area_of_map, read_cell_map
 
 Floats = NDArray[np.float64]

@@ -6,8 +6,8 @@ import sys
 from collections.abc import Sequence
 
 from prf import __version__
-from prf.shell.app import make_app
-from prf.shell.run import run_app
+from prf.shell.cli.app import make_app
+from prf.shell.cli.run import run_app
 
 HELP = """Polygonal maps from range readings: posterior, best map, answers with probabilities.
 

@@ -7,18 +7,18 @@ import math
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any, ClassVar, Literal, Self
 
-from prf.arak import checked_scale
-from prf.logs import CONE, Poses, read_poses
-from prf.logs.posed import GAP
+from prf.model.arak import checked_scale
+from prf.model.laser import LaserModel
+from prf.model.points import PointModel
+from prf.model.sonar import SonarModel
+from prf.model.window import LARGEST_RANGE, Window
 from prf.poses.model import ODOMETRY
-from prf.sensors.laser import LaserModel
-from prf.sensors.points import PointModel
-from prf.sensors.sonar import SonarModel
+from prf.readings import CONE, Poses, read_poses
+from prf.readings.posed import GAP
+from prf.readings.thinning import BEAM_DENSITY
+from prf.shell.cli.settings import NOTHING, Loaded, Table, Tree, build, key, load_options
 from prf.shell.errors import ConfigError
-from prf.shell.settings import NOTHING, Loaded, Table, Tree, build, key, load_options
-from prf.shell.trajectory import Order
-from prf.thinning import BEAM_DENSITY
-from prf.window import LARGEST_RANGE, Window
+from prf.shell.poses.trajectory import Order
 
 DrivenPoses = Literal["used", "all"]
 Start = Literal["empty", "grid", "prior"]
@@ -145,7 +145,7 @@ class Readings(Table):
     skip_scans: str | None = key(None, "", "START:STOP:STEP, all but these scans")
 
     def selection(self) -> dict[str, Any]:
-        """Return which scans and beams to take, as arguments of :func:`prf.logs.thin`."""
+        """Return which scans and beams to take, as arguments of :func:`prf.readings.thin`."""
         return self.model_dump(include={"every_scan", "every_beam", "scans", "skip_scans"})
 
     def trajectory(self) -> Poses | None:
@@ -320,7 +320,7 @@ def load_configuration(
     defaults: Mapping[str, Any] = NOTHING,
     tables: Sequence[str] = IN_MANIFEST,
 ) -> Loaded[Configuration]:
-    """Return what the options of a verb that reads `tables` ask for, see :func:`prf.shell.settings.load_options`."""
+    """Return what a verb that reads `tables` was given, see :func:`prf.shell.cli.settings.load_options`."""
     loaded = load_options(Configuration, options, tables, defaults)
     return loaded._replace(settings=without_way(loaded.settings, loaded.sources))
 

@@ -7,16 +7,16 @@ from pathlib import Path
 
 import numpy as np
 
-from prf.arak import exact_draws
-from prf.coloring import Draws, feature_lines
 from prf.configuration import Configuration, load_configuration
-from prf.estimate import occupied_probability
-from prf.logs import Readings
+from prf.model.arak import exact_draws
+from prf.model.coloring import Draws, feature_lines
+from prf.model.sonar import SonarModel
+from prf.model.window import Window
 from prf.poses.posterior import Trajectory
-from prf.run import PosteriorImage, Run
-from prf.score import SCORE_DEFAULTS
-from prf.sensors.sonar import SonarModel
-from prf.window import Window
+from prf.readings import Readings
+from prf.results import PosteriorImage, Run
+from prf.results.estimate import occupied_probability
+from prf.results.score import SCORE_DEFAULTS
 
 WINDOW = Window(-10.0, -5.0, 30.0, 20.0)
 

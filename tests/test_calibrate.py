@@ -23,17 +23,17 @@ from prf.calibrate import (
     read_known_map,
     sonar_density,
 )
-from prf.coloring import black_at
 from prf.configuration import Configuration
-from prf.export.cells import Cells
-from prf.export.ros_map import ros_map
-from prf.score import OccupiedArea, PolygonMap, hold_out_sonar, read_occupied_area, score
-from prf.score.scene import features_seen, scene_of_coloring
-from prf.sensors.sonar import SonarModel, make_poses
+from prf.model.coloring import black_at
+from prf.model.sonar import SonarModel, make_poses
+from prf.model.window import Window
+from prf.output.export.cells import Cells
+from prf.output.export.ros_map import ros_map
+from prf.results.score import OccupiedArea, PolygonMap, hold_out_sonar, read_occupied_area, score
+from prf.results.score.scene import features_seen, scene_of_coloring
 from prf.shell.errors import ConfigError, InputError
-from prf.window import Window
 from tests.factories import score_settings
-from tests.logs.sonar_sets import ARENA_POSITIONS, ARENA_WALLS, arena_readings
+from tests.readings.sonar_sets import ARENA_POSITIONS, ARENA_WALLS, arena_readings
 from tests.reference import slow_sonar
 from tests.reference.beams import Sensor
 from tests.reference.beams import log_likelihood as beam_log_likelihood

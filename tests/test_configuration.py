@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from prf.configuration import Configuration, flat_name, load_configuration
-from prf.sensors.laser import LaserModel
-from prf.sensors.points import PointModel
-from prf.sensors.sonar import SonarModel
+from prf.model.laser import LaserModel
+from prf.model.points import PointModel
+from prf.model.sonar import SonarModel
 from prf.shell.errors import ConfigError, UsageError
 from prf.simulate import SimulateConfig, config_of
 from prf.simulate.sonar import SonarPhysics

@@ -18,13 +18,13 @@ import prf.sampler.chain
 import prf.sampler.driver
 import prf.sampler.record
 from mapq.report import read_findings, write_report
-from prf.anneal import anneal
 from prf.configuration import Configuration
-from prf.run import names
+from prf.results import names
+from prf.sampler.anneal import anneal
 from prf.sampler.driver import StopRule, drive
 from prf.sampler.prepare import read_prepared
 from prf.sampler.session import Session
-from prf.shell.seeds import spawn_generators
+from prf.shell.cli.seeds import spawn_generators
 from tests.conftest import ROOT
 from tests.mapq.report.results import save_result
 from tests.mapq.town import town

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from mapq.io import read_cloud, read_patches
-from prf.run import read_run
-from prf.shell.run import run_app
+from prf.results import read_run
+from prf.shell.cli.run import run_app
 
 OLD = Path(__file__).resolve().parent / "old_files"
 RUNS = ("run-checkpoint-1", "run-checkpoint-2")

@@ -11,21 +11,21 @@ import numpy as np
 import pytest
 import shapely
 
-from prf.arak import exact_draws
-from prf.coloring import Coloring, black_at
 from prf.configuration import Configuration
-from prf.driven import STRAIGHT
-from prf.kernels import cones, points
 from prf.kernels import constants as c
-from prf.kernels.build import recompute_sums
-from prf.kernels.chain import Chain
-from prf.kernels.grid import make_grid
+from prf.kernels.readings import cones, points
+from prf.kernels.state.build import recompute_sums
+from prf.kernels.state.chain import Chain
+from prf.kernels.state.grid import make_grid
 from prf.kernels.step import run
-from prf.layout import grow, make_targets, read_coloring
-from prf.posterior import LaserData, Settings, SonarData, make_chain, one_colour_map, return_points
+from prf.model.arak import exact_draws
+from prf.model.coloring import Coloring, black_at
+from prf.model.laser import LaserModel
+from prf.model.layout import grow, make_targets, read_coloring
+from prf.model.window import Window
+from prf.readings.driven import STRAIGHT
+from prf.sampler.posterior import LaserData, Settings, SonarData, make_chain, one_colour_map, return_points
 from prf.sampler.prepare import read_prepared
-from prf.sensors.laser import LaserModel
-from prf.window import Window
 from tests.reference.beams import Sensor
 from tests.reference.chain_state import structural_faults
 from tests.reference.recompute import differences

@@ -21,16 +21,16 @@ import numpy as np
 import mapq.cli
 import prf.cli
 from mapq.commands import warm as mapq_warm
-from prf.arak import exact_draws
-from prf.coloring import Coloring, Draws, black_areas, black_at
 from prf.commands import warm as prf_warm
-from prf.kernels.cones import N_POSE
-from prf.posterior import Settings, make_chain
-from prf.run import write_run
+from prf.kernels.readings.cones import N_POSE
+from prf.model.arak import exact_draws
+from prf.model.coloring import Coloring, Draws, black_areas, black_at
+from prf.model.window import Window
+from prf.results import write_run
+from prf.results.score.scene import features_seen, scene_of_coloring
+from prf.sampler.posterior import Settings, make_chain
 from prf.sampler.tiles.tiled import small_round
-from prf.score.scene import features_seen, scene_of_coloring
-from prf.shell.run import run_app
-from prf.window import Window
+from prf.shell.cli.run import run_app
 from tests.factories import make_run
 from tests.reference.recompute import recompute_impacts
 

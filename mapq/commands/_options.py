@@ -1,4 +1,4 @@
-"""Options that several verbs of `mapq` share, beside those of :mod:`prf.shell.options`."""
+"""Options that several verbs of `mapq` share, beside those of :mod:`prf.shell.cli.options`."""
 
 from __future__ import annotations
 

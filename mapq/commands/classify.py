@@ -29,14 +29,14 @@ from mapq.commands._options import (
     parse_share,
 )
 from mapq.commands._scans import ScanOptions, are_scans, default_name, read_map
-from prf.shell.console import is_verbose
-from prf.shell.options import Assignments, Force, Json, Output, Presets
+from prf.shell.cli.console import is_verbose
+from prf.shell.cli.options import Assignments, Force, Json, Output, Presets
 
 if TYPE_CHECKING:
-    from mapq.assess import Region, Result
     from mapq.configuration import Configuration
     from mapq.io import ReadOptions
-    from prf.shell.settings import Loaded
+    from mapq.results import Region, Result
+    from prf.shell.cli.settings import Loaded
 
 logger = logging.getLogger(__name__)
 
@@ -110,13 +110,13 @@ def classify(
     A folder of LAS or LAZ tiles, or any cloud with one of --workers, --scheduler and --tile-points, is worked on tile
     by tile and need not fit into memory. The result of a folder is a folder: tiles of the same names, and result.json.
     """
-    from mapq.assess import MIN_COVERAGE
     from mapq.configuration import load_configuration
     from mapq.io.results import result_lines
+    from mapq.results import MIN_COVERAGE
     from mapq.tiled.source import is_tiled
-    from prf.shell import console, jsonout
+    from prf.shell.cli import console, jsonout
+    from prf.shell.cli.files import STREAM
     from prf.shell.errors import UsageError
-    from prf.shell.files import STREAM
 
     given: dict[str, object] = {"config": config, "preset": preset, "assignments": assignments, "max_tilt": max_tilt}
     given |= {"unit": unit, "topic": topic, "max_false_alarms": max_false_alarms}
@@ -158,9 +158,9 @@ def _classify(
     from mapq.io import is_patches
     from mapq.io.options import AS_IT_IS
     from mapq.io.results import claim_result, json_beside
+    from prf.shell.cli.files import STREAM
+    from prf.shell.cli.outputs import refuse_inputs
     from prf.shell.errors import UsageError
-    from prf.shell.files import STREAM
-    from prf.shell.outputs import refuse_inputs
 
     file, options, files = inputs[0], chosen.settings.cloud.options(), [*inputs, scans.poses, *settings]
     as_scans = are_scans(inputs, scans)
@@ -194,17 +194,17 @@ def _classify_tiles(
     force: bool,
 ) -> Result:
     """Classify a map tile by tile, and write the result; `how`: workers, scheduler and points of a tile."""
-    from mapq.assess import Origin
     from mapq.configuration import sources_of
     from mapq.io import is_patches
     from mapq.io.result_folder import RESULT_JSON
     from mapq.io.results import json_beside
     from mapq.posed.files import pose_names
+    from mapq.results import Origin
     from mapq.tiled.output import CLOUD_SUFFIXES
     from mapq.tiled.run import TileSettings, classify_map
     from mapq.tiled.source import is_tiled
+    from prf.shell.cli.outputs import refuse_inputs
     from prf.shell.errors import UsageError
-    from prf.shell.outputs import refuse_inputs
 
     if is_patches(file):
         raise UsageError(f"{file} is segmented already: tiles are for clouds. Leave --workers and the like out.")
@@ -225,8 +225,8 @@ def _classify_tiles(
 
 def _tiled_target(file: str) -> str:
     """Return the default output of a map in tiles: a cloud for a cloud and a folder for a folder."""
+    from prf.shell.cli.files import STREAM
     from prf.shell.errors import UsageError
-    from prf.shell.files import STREAM
 
     if file == STREAM:
         raise UsageError("a map in tiles is read more than once. Name a file or a folder, not standard input.")

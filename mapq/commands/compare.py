@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from mapq.commands._options import ModelFile, parse_share
-from prf.shell.console import is_verbose
-from prf.shell.options import Assignments, Json
+from prf.shell.cli.console import is_verbose
+from prf.shell.cli.options import Assignments, Json
 
 if TYPE_CHECKING:
-    from mapq.assess.compare import Comparison, Place
+    from mapq.results.compare import Comparison, Place
 
 logger = logging.getLogger(__name__)
 
@@ -61,12 +61,12 @@ def compare(
     p_suspicious over the area. Places are cells side by side whose expected share differs by more than a quarter. The
     maps are not aligned.
     """
-    from mapq.assess.compare import check_cell, comparison_content
-    from mapq.assess.compare import compare as compare_maps
-    from mapq.assess.judged import read_judged
     from mapq.configuration import load_configuration
     from mapq.io.models import read_model
-    from prf.shell import console, jsonout
+    from mapq.results.compare import check_cell, comparison_content
+    from mapq.results.compare import compare as compare_maps
+    from mapq.results.judged import read_judged
+    from prf.shell.cli import console, jsonout
     from prf.shell.errors import CheckFailed
 
     used = read_model(model) if model is not None else None

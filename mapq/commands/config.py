@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from prf.shell.options import Assignments, ConfigAction, ConfigFile, ConfigWhat, Json, Presets
+from prf.shell.cli.options import Assignments, ConfigAction, ConfigFile, ConfigWhat, Json, Presets
 
 EXAMPLES = (
     "mapq config show > site.toml",
@@ -26,7 +26,7 @@ def config(
     its source.
     """
     from mapq.configuration import Configuration
-    from prf.shell.config_verb import show, show_presets
+    from prf.shell.cli.config_verb import show, show_presets
 
     if action is ConfigAction.show:
         show(Configuration, "mapq.config/1", file, preset, assignments, json)

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from mapq.commands._options import MaxFalseAlarms, ModelFile, TruthField, load_model
-from prf.shell.console import is_verbose
-from prf.shell.options import Json
+from prf.shell.cli.console import is_verbose
+from prf.shell.cli.options import Json
 
 if TYPE_CHECKING:
-    from mapq.evaluate import Scores
+    from mapq.results.evaluate import Scores
 
 EXAMPLES = (
     "mapq evaluate city.classified.ply --truth-field truth",
@@ -38,8 +38,8 @@ def evaluate(
     is the share of suspicious patches found, specificity the share of plausible ones called plausible. --json
     has the reliability too: of patches with p near 0.7 seven in ten should be suspicious.
     """
-    from mapq.evaluate import read_labelled, reliability, score_labels
-    from prf.shell import console, jsonout
+    from mapq.results.evaluate import read_labelled, reliability, score_labels
+    from prf.shell.cli import console, jsonout
 
     labelled = read_labelled(file, load_model(model, max_false_alarms), truth_field)
     scores = score_labels(labelled.label, labelled.truth, labelled.probability)

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from mapq.commands._options import Config
-from prf.shell.console import is_verbose
-from prf.shell.options import Assignments, Json, Presets
+from prf.shell.cli.console import is_verbose
+from prf.shell.cli.options import Assignments, Json, Presets
 
 if TYPE_CHECKING:
     from mapq.features.table import Table
@@ -46,7 +46,7 @@ def features(
     from mapq.configuration import load_configuration
     from mapq.features.table import csv_lines, edge_table, node_table, records
     from mapq.io import read_patches
-    from prf.shell import console, jsonout
+    from prf.shell.cli import console, jsonout
     from prf.shell.errors import UsageError
 
     if csv and json:

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from mapq.commands._options import Topic, Unit
-from prf.shell.console import is_verbose
-from prf.shell.options import Assignments, Json
+from prf.shell.cli.console import is_verbose
+from prf.shell.cli.options import Assignments, Json
 
 if TYPE_CHECKING:
     from mapq.io.describe import CloudSummary, Description, FieldSummary, PatchSummary
@@ -45,7 +45,7 @@ def inspect(
     """
     from mapq.configuration import load_configuration
     from mapq.io.describe import describe
-    from prf.shell import console, jsonout
+    from prf.shell.cli import console, jsonout
 
     given = {"assignments": assignments, "unit": unit, "topic": topic}
     summary = describe(file, load_configuration(given, "cloud").settings.cloud.options())

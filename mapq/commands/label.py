@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from prf.shell.options import Json
+from prf.shell.cli.options import Json
 
 if TYPE_CHECKING:
     from mapq.labelling import HandCounts
@@ -67,8 +67,8 @@ def label(
     label, and is plausible only if nine tenths of its points are: what is unknown counts against it. Labels of an
     earlier field are replaced.
     """
+    from prf.shell.cli.files import STREAM
     from prf.shell.errors import UsageError
-    from prf.shell.files import STREAM
 
     if patches == STREAM:
         raise UsageError("labels are stored in PATCHES itself, which standard input has no place for. Name a file.")
@@ -86,7 +86,7 @@ def _from_field(path: str, name: str, conservative: bool, force: bool, json: boo
     """Label by a point field."""
     from mapq.labelling.store import relabel
     from mapq.labels import label_from_field
-    from prf.shell import console, jsonout
+    from prf.shell.cli import console, jsonout
 
     counts = relabel(path, lambda patches: label_from_field(patches, name, path, force, conservative))
     if json:
@@ -100,7 +100,7 @@ def _by_hand(path: str, model: str | None, port: int, browser: bool, json: bool)
     """Label on the page."""
     from mapq.io.models import read_model
     from mapq.labelling import label_by_hand
-    from prf.shell import console, jsonout
+    from prf.shell.cli import console, jsonout
 
     counts = label_by_hand(path, None if model is None else read_model(model), port, browser)
     if json:

@@ -10,7 +10,7 @@ import typer
 
 from mapq.commands._options import Calibration, Config, Every, Pattern, Poses, Submaps
 from mapq.commands._scans import ScanOptions, find_settings
-from prf.shell.options import Assignments, Force, Json, Output, Seed
+from prf.shell.cli.options import Assignments, Force, Json, Output, Seed
 
 logger = logging.getLogger(__name__)
 
@@ -67,10 +67,10 @@ def perturb(
     from mapq.perturb import PoseErrors, Rule, build
     from mapq.perturb.files import SCHEMA, target_files, write_map
     from mapq.posed import find_scans, replace_poses
-    from prf.shell import console, jsonout
-    from prf.shell.outputs import refuse_inputs
-    from prf.shell.progress import progress
-    from prf.shell.seeds import resolve_seed
+    from prf.shell.cli import console, jsonout
+    from prf.shell.cli.outputs import refuse_inputs
+    from prf.shell.cli.progress import progress
+    from prf.shell.cli.seeds import resolve_seed
 
     loaded = load_configuration({"config": config, "assignments": assignments}, "perturb", "scans", "cloud").settings
     chosen = loaded.perturb

@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from mapq.commands._options import Unit
-from prf.shell.options import Assignments, Force, Output
+from prf.shell.cli.options import Assignments, Force, Output
 
 logger = logging.getLogger(__name__)
 
@@ -65,10 +65,10 @@ def render(
     """
     from mapq.configuration import load_configuration
     from mapq.render import read_picture
+    from prf.shell.cli.files import STREAM
+    from prf.shell.cli.outputs import claim_output
+    from prf.shell.cli.pictures import picture_format, save
     from prf.shell.errors import UsageError
-    from prf.shell.files import STREAM
-    from prf.shell.outputs import claim_output
-    from prf.shell.pictures import picture_format, save
 
     if (colour is Colour.field) != (field is not None):
         raise UsageError("--colour field and --field NAME go together.")

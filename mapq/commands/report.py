@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from mapq.commands._options import beside
-from prf.shell.options import Force, Output
+from prf.shell.cli.options import Force, Output
 
 logger = logging.getLogger(__name__)
 
@@ -42,8 +42,8 @@ def report(
     words. Of a result in tiles a part of the points is read. Without -o the page is beside RESULT: its name with .html.
     """
     from mapq.report import read_findings, write_report
-    from prf.shell.files import STREAM
-    from prf.shell.outputs import claim_output
+    from prf.shell.cli.files import STREAM
+    from prf.shell.cli.outputs import claim_output
 
     folder = os.path.isdir(result)
     target = output or (f"{os.path.normpath(result)}.html" if folder else beside(result, ".html"))

@@ -20,8 +20,8 @@ from mapq.commands._options import (
     Unit,
 )
 from mapq.commands._scans import ScanOptions, are_scans, default_name, read_map
-from prf.shell.console import is_verbose
-from prf.shell.options import Assignments, Force, Json, Output, Presets
+from prf.shell.cli.console import is_verbose
+from prf.shell.cli.options import Assignments, Force, Json, Output, Presets
 
 if TYPE_CHECKING:
     from mapq.patches import Patches
@@ -71,11 +71,11 @@ def segment(
     from mapq.configuration import load_configuration, sources_of
     from mapq.features import measure_shapes
     from mapq.io.patches import write_patches
-    from prf.shell import jsonout
-    from prf.shell.console import say_beside
+    from prf.shell.cli import jsonout
+    from prf.shell.cli.console import say_beside
+    from prf.shell.cli.files import STREAM
+    from prf.shell.cli.outputs import claim_output
     from prf.shell.errors import UsageError
-    from prf.shell.files import STREAM
-    from prf.shell.outputs import claim_output
 
     given_scans = ScanOptions(poses, calibration, pattern, every, submaps)
     if output is None and STREAM in clouds:

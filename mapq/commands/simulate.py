@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from mapq.commands._options import Config
-from prf.shell.options import Assignments, Force, Json, Output, Seed
+from prf.shell.cli.options import Assignments, Force, Json, Output, Seed
 
 if TYPE_CHECKING:
     from mapq.simulate import Report
@@ -60,12 +60,12 @@ def simulate(
     from mapq.io import write_cloud
     from mapq.io.write import check_name
     from mapq.simulate import Settings, simulate_with_report
-    from prf.shell import jsonout
-    from prf.shell.console import say_beside
+    from prf.shell.cli import jsonout
+    from prf.shell.cli.console import say_beside
+    from prf.shell.cli.outputs import claim_output
+    from prf.shell.cli.progress import progress
+    from prf.shell.cli.seeds import resolve_seed
     from prf.shell.errors import UsageError
-    from prf.shell.outputs import claim_output
-    from prf.shell.progress import progress
-    from prf.shell.seeds import resolve_seed
 
     if output is None:
         raise UsageError("the map has no name. Give one with -o MAP.ply.")
@@ -92,11 +92,11 @@ def simulate(
 def _make_city(folder: str, changes: dict[str, Any], seed: int, force: bool, json: bool) -> None:
     """Write a city as LAZ tiles into a folder."""
     from mapq.simulate.city import write_city
-    from prf.shell import console, jsonout
+    from prf.shell.cli import console, jsonout
+    from prf.shell.cli.files import STREAM
+    from prf.shell.cli.outputs import claim, claim_output
+    from prf.shell.cli.progress import progress
     from prf.shell.errors import OutputExists, UsageError
-    from prf.shell.files import STREAM
-    from prf.shell.outputs import claim, claim_output
-    from prf.shell.progress import progress
 
     others = [name for name, value in changes.items() if value is not None and name != "n_points"]
     if others:

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from mapq.commands._options import Config, MaxFalseAlarms
-from prf.shell.console import is_verbose
-from prf.shell.options import Assignments, Force, Json, Output, Presets
+from prf.shell.cli.console import is_verbose
+from prf.shell.cli.options import Assignments, Force, Json, Output, Presets
 
 if TYPE_CHECKING:
     from mapq.model import Model
@@ -67,9 +67,9 @@ def train(
     from mapq.configuration import load_configuration, sources_of
     from mapq.crf.calibration import with_false_alarms
     from mapq.io.models import SCHEMA, model_content, write_model
-    from prf.shell import jsonout
-    from prf.shell.console import say_beside
-    from prf.shell.outputs import claim_output
+    from prf.shell.cli import jsonout
+    from prf.shell.cli.console import say_beside
+    from prf.shell.cli.outputs import claim_output
 
     target = output or "model.json"
     given: dict[str, object] = {"config": config, "preset": preset, "assignments": assignments}

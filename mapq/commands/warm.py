@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from prf.shell.options import Json
+from prf.shell.cli.options import Json
 
 EXAMPLES = ("mapq warm", "mapq warm --for classify", "MAPQ_CACHE_DIR=/opt/mapq mapq warm -q")
 
@@ -38,8 +38,8 @@ def warm(
     write. A second call has nothing to do.
     """
     from mapq.kernels._jit import CACHE
-    from prf.shell.warming import Job, report
-    from prf.shell.warming import warm as run
+    from prf.shell.jit.warming import Job, report
+    from prf.shell.jit.warming import warm as run
 
     calls = {name: Job(lines) for name, lines in COMMANDS.items()}
     report("mapq", run(context.find_root().command, "mapq", CACHE, calls, {}, jobs or []), json)

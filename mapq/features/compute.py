@@ -17,7 +17,7 @@ from mapq.features.settings import FeatureSettings
 from mapq.features.shape import PatchShapes, measure_shapes, up_direction
 from mapq.graph import PatchFeatures, PatchGraph
 from mapq.patches import Patches
-from prf.shell.progress import Reporter
+from prf.shell.cli.progress import Reporter
 
 N_STEPS = 3
 """What `progress` counts to: patches measured, neighbours found, pairs measured."""

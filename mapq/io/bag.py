@@ -24,9 +24,9 @@ from mapq.io.fields import (
     refuse_doubles,
 )
 from mapq.io.options import ReadOptions
-from prf.shell.bag import Bag, Message, bag_in, open_bag, seconds
 from prf.shell.errors import ConfigError, InputError
-from prf.shell.tf import Rigid, Tree, frame_name, turned
+from prf.shell.poses.bag import Bag, Message, bag_in, open_bag, seconds
+from prf.shell.poses.tf import Rigid, Tree, frame_name, turned
 
 logger = logging.getLogger(__name__)
 

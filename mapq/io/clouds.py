@@ -25,10 +25,10 @@ from mapq.io.ptx import read_ptx
 from mapq.io.results import RESULT_FIELDS, stated_unit
 from mapq.io.text import read_text
 from mapq.io.uos import read_uos
-from prf.shell.bag import bag_suffix
+from prf.shell.cli.files import STREAM
 from prf.shell.errors import InputError
-from prf.shell.files import STREAM
-from prf.shell.pose_rows import slam_state
+from prf.shell.poses.bag import bag_suffix
+from prf.shell.poses.rows import slam_state
 
 Format = Literal["ply", "pcd", "las", "e57", "ptx", "npy", "npz", "3d", "kitti", "bag", "text"]
 

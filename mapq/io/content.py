@@ -11,8 +11,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import BinaryIO
 
+from prf.shell.cli.files import STREAM, gunzip, open_input
 from prf.shell.errors import InputError, PrfError
-from prf.shell.files import STREAM, gunzip, open_input
 
 GZIP_MAGIC = b"\x1f\x8b\x08"
 """With its only method: two bytes alone begin one in 65,536 files of plain float32."""

@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 
 from mapq.io.content import damage_in_one_line
 from mapq.patches import FROM_HAND, PLAUSIBLE, SUSPICIOUS, UNLABELLED, Patches
+from prf.shell.cli.files import open_input
+from prf.shell.cli.storage import check_schema
 from prf.shell.errors import InputError, cannot_write
-from prf.shell.files import open_input
-from prf.shell.storage import check_schema
 
 logger = logging.getLogger(__name__)
 

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from mapq.cloud import PointCloud
 from mapq.io.content import damage_in_one_line
 from mapq.io.fields import Array, free_name, scalar_columns
+from prf.shell.cli.files import open_output
 from prf.shell.errors import OutputError
-from prf.shell.files import open_output
 
 if TYPE_CHECKING:
     from laspy import LasHeader, LasWriter

@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 from mapq.io.content import damage_in_one_line
 from mapq.kernels.boosted_trees import LEAF, Trees
 from mapq.model import CALIBRATIONS, EDGE_MODELS, ISOTONIC, PLATT, Calibration, Model, Potential, Scaling
+from prf.shell.cli.files import open_output
+from prf.shell.cli.jsonout import dump_object
+from prf.shell.cli.storage import damaged, load_object
 from prf.shell.errors import InputError
-from prf.shell.files import open_output
-from prf.shell.jsonout import dump_object
-from prf.shell.storage import damaged, load_object
 
 SCHEMA = "mapq.model/3"
 DEFAULT = ("models", "default.json")

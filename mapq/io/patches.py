@@ -16,10 +16,10 @@ from mapq.io.fields import Array
 from mapq.io.journal import with_journal
 from mapq.io.npy import ZIP_MAGIC
 from mapq.patches import NO_PATCH, PLAUSIBLE, SUSPICIOUS, UNLABELLED, Patches
+from prf.shell.cli.files import STREAM, open_output
+from prf.shell.cli.jsonout import jsonable
+from prf.shell.cli.storage import check_schema, damaged, take_array
 from prf.shell.errors import InputError
-from prf.shell.files import STREAM, open_output
-from prf.shell.jsonout import jsonable
-from prf.shell.storage import check_schema, damaged, take_array
 
 SCHEMA = "mapq.patches/1"
 

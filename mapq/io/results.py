@@ -21,11 +21,11 @@ from mapq.io.content import damage_in_one_line
 from mapq.io.fields import original_names
 from mapq.io.write import check_name, write_cloud
 from mapq.patches import PLAUSIBLE, SUSPICIOUS, UNLABELLED
+from prf.shell.cli.files import STREAM, atomic_write, open_input, together
+from prf.shell.cli.jsonout import dump_object, jsonable
+from prf.shell.cli.outputs import claim_output
+from prf.shell.cli.storage import check_schema, load_object
 from prf.shell.errors import InputError, UsageError
-from prf.shell.files import STREAM, atomic_write, open_input, together
-from prf.shell.jsonout import dump_object, jsonable
-from prf.shell.outputs import claim_output
-from prf.shell.storage import check_schema, load_object
 
 Row = dict[str, Any]
 
@@ -57,7 +57,7 @@ def json_beside(path: str) -> str:
 
 
 def claim_result(path: str, force: bool) -> None:
-    """Refuse or hold both files of the result, as :func:`prf.shell.outputs.claim_output`."""
+    """Refuse or hold both files of the result, as :func:`prf.shell.cli.outputs.claim_output`."""
     check_name(path)
     for name in (path, json_beside(path)):
         claim_output(name, force)

@@ -10,8 +10,8 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from prf.shell.kernel_cache import KernelCache
-from prf.shell.kernel_parts import part_options, share_integers
+from prf.shell.jit.cache import KernelCache
+from prf.shell.jit.parts import part_options, share_integers
 
 FLAGS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "cache": True, "no_cfunc_wrapper": True}
 """``nogil`` lets tiles run in threads; ``numpy`` errors make a division by zero give inf, not raise inside a loop.

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mapq.assess import Result
-from mapq.assess.reasons import Reason, Reasons, pair_words
 from mapq.patches import NO_PATCH, Patches
 from mapq.report.scene import build_scene
-from prf.shell.page.markup import packed
+from mapq.results import Result
+from mapq.results.reasons import Reason, Reasons, pair_words
+from prf.shell.cli.page.markup import packed
 
 MOST_NEIGHBOURS = 10
 """Of a patch: those that change its log-odds most, then the closest."""

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mapq.assess import Result
 from mapq.labelling.around import Surroundings
 from mapq.labelling.store import NOTHING_YET, Store
 from mapq.patches import FROM_FIELD, UNLABELLED
 from mapq.report.scene import VIEWS
-from prf.shell.page.markup import escape, page
+from mapq.results import Result
+from prf.shell.cli.page.markup import escape, page
 
 
 class Page:

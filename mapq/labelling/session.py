@@ -15,16 +15,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mapq.assess import Result, assess
 from mapq.features.compute import N_STEPS
 from mapq.labelling.page import Page
 from mapq.labelling.server import LabelServer
 from mapq.labelling.store import open_store
 from mapq.model import Model
 from mapq.patches import Patches
+from mapq.results import Result, assess
+from prf.shell.cli.progress import progress
+from prf.shell.cli.signals import graceful_stop
 from prf.shell.errors import ConfigError, InputError
-from prf.shell.progress import progress
-from prf.shell.signals import graceful_stop
 
 logger = logging.getLogger(__name__)
 

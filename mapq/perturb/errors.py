@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapq.posed.scans import drive_passes, driven
+from prf.shell.cli.seeds import spawn_generators
 from prf.shell.errors import UsageError
-from prf.shell.seeds import spawn_generators
 
 Floats = NDArray[np.float64]
 

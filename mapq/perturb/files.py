@@ -11,10 +11,10 @@ import numpy as np
 from mapq.io.write import check_name, write_cloud
 from mapq.patches import PLAUSIBLE, SUSPICIOUS, UNLABELLED
 from mapq.perturb.build import Built
+from prf.shell.cli.files import STREAM, atomic_write, together
+from prf.shell.cli.jsonout import dump_object
+from prf.shell.cli.outputs import claim_output
 from prf.shell.errors import UsageError
-from prf.shell.files import STREAM, atomic_write, together
-from prf.shell.jsonout import dump_object
-from prf.shell.outputs import claim_output
 
 SCHEMA = "mapq.perturb/1"
 

@@ -23,7 +23,7 @@ from mapq.posed.match import match_poses, times_of, with_poses_at
 from mapq.posed.poses import laser_poses, looks_ahead, read_calibration
 from mapq.posed.scans import PosedScans
 from prf.shell.errors import InputError, UsageError
-from prf.shell.trajectory import Order, Trajectory, check_rotations, read_trajectory
+from prf.shell.poses.trajectory import Order, Trajectory, check_rotations, read_trajectory
 
 logger = logging.getLogger(__name__)
 
@@ -47,7 +47,7 @@ class FindSettings:
     pattern : str or None
         Which files of a folder are scans, such as ``planes_*.bin``.
     quaternion : {"xyzw", "wxyz"} or None
-        See :func:`prf.shell.trajectory.read_trajectory`.
+        See :func:`prf.shell.poses.trajectory.read_trajectory`.
     frame : {"sensor", "map"} or None
         Of the points. In the frame of the map poses only say where the sensor was. None: that of the sensor; of PCD
         whose VIEWPOINT has the poses, the one that fits.
@@ -153,7 +153,7 @@ def replace_poses(scans: PosedScans, path: str, settings: FindSettings) -> Posed
     Raises
     ------
     InputError
-        As :func:`prf.shell.trajectory.read_trajectory`, and if poses and scans do not fit.
+        As :func:`prf.shell.poses.trajectory.read_trajectory`, and if poses and scans do not fit.
     """
     table = with_poses_at(read_trajectory(path, settings.quaternion, QUATERNION_KEY), scans.names)
     rows = match_poses(scans.names, table, path)

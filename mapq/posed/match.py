@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from mapq.posed.files import number_of, stamp_of, stem_of
 from prf.shell.errors import InputError
-from prf.shell.trajectory import Trajectory, interpolate, rigid
+from prf.shell.poses.trajectory import Trajectory, interpolate, rigid
 
 SAME_TIME = 1e-3
 """Seconds within which the name of a scan is the time of a pose: either may have been rounded."""

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from mapq.io.content import Content
 from mapq.posed.scans import driven
 from prf.shell.errors import InputError
-from prf.shell.pose_rows import numbers
-from prf.shell.trajectory import LAYOUTS, matrix_poses
+from prf.shell.poses.rows import numbers
+from prf.shell.poses.trajectory import LAYOUTS, matrix_poses
 
 Floats = NDArray[np.float64]
 

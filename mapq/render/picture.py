@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapq.render.colours import Scheme
-from prf.shell import pictures
+from prf.shell.cli import pictures
 from prf.shell.errors import InputError
 
 if TYPE_CHECKING:

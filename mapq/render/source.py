@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mapq.assess.inputs import read_map
 from mapq.cloud import PointCloud
 from mapq.io.options import AS_IT_IS, ReadOptions
 from mapq.io.result_folder import thinned
@@ -16,10 +15,11 @@ from mapq.io.results import RESULT_FIELDS, patch_counts
 from mapq.patches import NO_PATCH, PLAUSIBLE, SUSPICIOUS, UNLABELLED, Patches
 from mapq.render.colours import Scheme, label_colours, patch_colours, probability_colours
 from mapq.render.picture import Picture
+from mapq.results.inputs import read_map
 from prf.shell.errors import InputError
 
 if TYPE_CHECKING:
-    from mapq.assess import Result
+    from mapq.results import Result
 
 Colour = Literal["label", "probability", "patch", "field"]
 """What the colour of a point shows."""

@@ -12,14 +12,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mapq.assess.inputs import Row, StoredResult, read_map
 from mapq.cloud import PointCloud
 from mapq.io.result_folder import thinned_by_patch
 from mapq.io.results import LABEL, RESULT_FIELDS
 from mapq.patches import NO_PATCH, PLAUSIBLE, SUSPICIOUS, Patches
+from mapq.results.inputs import Row, StoredResult, read_map
+from prf.shell.cli.files import STREAM
+from prf.shell.cli.storage import damaged
 from prf.shell.errors import InputError, UsageError
-from prf.shell.files import STREAM
-from prf.shell.storage import damaged
 
 MAX_LISTED = 50_000
 """Patches that a page describes one by one: no browser makes a table of more."""

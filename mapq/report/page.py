@@ -10,8 +10,8 @@ from mapq.report.findings import MAX_REGIONS, Findings
 from mapq.report.histogram import histogram, histogram_svg
 from mapq.report.scene import VIEWS, Scene, build_scene
 from mapq.report.words import facts, map_table, origin_table, percent, region_table, verdict_line
-from prf.shell.files import encoded, open_output
-from prf.shell.page.markup import escape, packed, packed_json, page
+from prf.shell.cli.files import encoded, open_output
+from prf.shell.cli.page.markup import escape, packed, packed_json, page
 
 MAX_POINTS = 120_000
 """Default of the points that the views show: a laptop turns so many smoothly."""

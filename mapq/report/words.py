@@ -7,9 +7,9 @@ from collections.abc import Iterable, Iterator
 from pathlib import PurePath
 from typing import Any
 
-from mapq.assess.inputs import Row
 from mapq.report.findings import MAX_REGIONS, Findings
-from prf.shell.page.markup import escape, table
+from mapq.results.inputs import Row
+from prf.shell.cli.page.markup import escape, table
 
 DASH = "–"
 """Instead of a missing number."""

@@ -17,8 +17,8 @@ from mapq.segmentation.parameters import Parameters, choose_parameters
 from mapq.segmentation.points import Points, sort_points
 from mapq.segmentation.regions import find_regions, spread_out
 from mapq.segmentation.settings import SegmentSettings as SegmentSettings
+from prf.shell.cli.progress import Reporter
 from prf.shell.errors import InputError
-from prf.shell.progress import Reporter
 
 STAGES = ("sorting", "estimating", "neighbours and normals", "growing", "finishing")
 FEWEST_POINTS = 3

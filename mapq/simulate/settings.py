@@ -8,8 +8,8 @@ from typing import Annotated, Any
 
 from pydantic import Field, ValidationError
 
+from prf.shell.cli.settings import Table, key
 from prf.shell.errors import UsageError
-from prf.shell.settings import Table, key
 
 NONE: Mapping[str, Any] = MappingProxyType({})
 Frontage = Annotated[float, Field(ge=5.0, le=100.0)]

@@ -15,8 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from mapq.assess.causes import Cause, Spread, cause_of, copies_of, measure_spread, reach_of
-from mapq.assess.visits import Clock, Stays, Visits, to_sensor_of
 from mapq.axes import from_corner
 from mapq.cloud import PointCloud
 from mapq.features.compute import measure
@@ -30,6 +28,8 @@ from mapq.features.voxels import FARTHEST
 from mapq.graph import PatchFeatures
 from mapq.kernels.voxels import voxel_keys
 from mapq.patches import NO_PATCH, Patches
+from mapq.results.causes import Cause, Spread, cause_of, copies_of, measure_spread, reach_of
+from mapq.results.visits import Clock, Stays, Visits, to_sensor_of
 from mapq.tiled.cut import Whole
 from mapq.tiled.store import Store
 from mapq.tiled.workers import Workers

@@ -15,9 +15,9 @@ from mapq.io.result_folder import RESULT_JSON
 from mapq.io.results import claim_result, json_beside, result_lines
 from mapq.io.write import LAS_SUFFIXES, write_cloud
 from mapq.tiled.source import Map, Source
+from prf.shell.cli.files import STREAM, atomic_write, together
+from prf.shell.cli.outputs import claim, claim_output
 from prf.shell.errors import OutputExists, UsageError
-from prf.shell.files import STREAM, atomic_write, together
-from prf.shell.outputs import claim, claim_output
 
 CLOUD_SUFFIXES = (*LAS_SUFFIXES, ".ply")
 COPC = ".copc.laz"

@@ -11,9 +11,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mapq.assess import visits
-from mapq.assess.inputs import Origin, feature_settings
-from mapq.assess.result import MIN_COVERAGE, Result, Seen
 from mapq.axes import GroundPlan, turn, turn_cloud
 from mapq.cloud import PointCloud
 from mapq.crf import classify, explain
@@ -23,6 +20,9 @@ from mapq.io.options import AS_IT_IS, ReadOptions
 from mapq.io.results import result_cloud
 from mapq.model import Model
 from mapq.patches import SUSPICIOUS, Patches, PatchesOnDisk
+from mapq.results import visits
+from mapq.results.inputs import Origin, feature_settings
+from mapq.results.result import MIN_COVERAGE, Result, Seen
 from mapq.segmentation import FEWEST_POINTS
 from mapq.segmentation.join import warnings_of
 from mapq.segmentation.parameters import Parameters, choose_parameters
@@ -35,9 +35,9 @@ from mapq.tiled.source import Map, is_tiled, open_map
 from mapq.tiled.store import Store
 from mapq.tiled.tiling import HALO_IN_GAPS, HALO_IN_SPACING, Counts, Tiling, cells_of, keys_of, make_tiling
 from mapq.tiled.workers import Workers, open_workers
+from prf.shell.cli.files import work_folder
+from prf.shell.cli.progress import Reporter, progress
 from prf.shell.errors import InputError, UsageError
-from prf.shell.files import work_folder
-from prf.shell.progress import Reporter, progress
 
 TILE_POINTS = 2_500_000
 """Points of a tile, about: a worker needs half a gigabyte for them, and at most as much again."""

@@ -23,18 +23,18 @@ from prf.api.science import (
     sources_in,
 )
 from prf.configuration import Configuration, Start, without_way
-from prf.convergence import verdict
-from prf.run import Run
-from prf.run.write import is_unfinished
+from prf.results import Run
+from prf.results.convergence import verdict
+from prf.results.write import is_unfinished
 from prf.sampler.driver import StopRule, drive
 from prf.sampler.prepare import with_poses
 from prf.sampler.session import Session
+from prf.shell.cli.notebook import ProgressCallback, reported
+from prf.shell.cli.outputs import exclusive, refuse_existing
+from prf.shell.cli.seeds import resolve_seed
+from prf.shell.cli.settings import Loaded
+from prf.shell.cli.signals import graceful_stop
 from prf.shell.errors import ArgumentError
-from prf.shell.notebook import ProgressCallback, reported
-from prf.shell.outputs import exclusive, refuse_existing
-from prf.shell.seeds import resolve_seed
-from prf.shell.settings import Loaded
-from prf.shell.signals import graceful_stop
 
 logger = logging.getLogger(__name__)
 

@@ -11,14 +11,14 @@ from typing import Any, Literal
 import numpy as np
 
 from prf.configuration import IN_MANIFEST, Configuration, flat_name, load_configuration
-from prf.logs import CONE, Kind, PointTable, Readings, read_point_data, read_poses
-from prf.logs import read_readings as read_log
+from prf.model.laser import LaserModel
+from prf.model.points import PointModel
+from prf.model.sonar import SonarModel
+from prf.readings import CONE, Kind, PointTable, Readings, read_point_data, read_poses
+from prf.readings import read_readings as read_log
 from prf.sampler.prepare import Prepared, prepare_whole, read_configured
-from prf.sensors.laser import LaserModel
-from prf.sensors.points import PointModel
-from prf.sensors.sonar import SonarModel
+from prf.shell.cli.settings import Loaded
 from prf.shell.errors import ArgumentError
-from prf.shell.settings import Loaded
 
 Sensor = LaserModel | SonarModel | PointModel
 Path = str | os.PathLike[str]

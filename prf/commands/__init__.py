@@ -1,7 +1,7 @@
 '''The verbs of `prf`, one a file: parse, call one library function, render.
 
 How a verb is written: ``prf/commands/<verb>.py`` holds a function of the verb's name. Its docstring is the help text
-(first line: the summary in ``prf --help``), its parameters are the options (:mod:`prf.shell.options` has the shared
+(first line: the summary in ``prf --help``), its parameters are the options (:mod:`prf.shell.cli.options` has the shared
 ones), and the module's ``EXAMPLES``, a tuple of command lines that run, ends its help::
 
     """Say what is in a log."""
@@ -12,16 +12,16 @@ ones), and the module's ``EXAMPLES``, a tuple of command lines that run, ends it
 
     import typer
 
-    from prf.shell.options import Json
+    from prf.shell.cli.options import Json
 
     EXAMPLES = ("prf info data/demo-office.log.gz", "prf info --json intel.log.gz")
 
 
     def info(log: Annotated[str, typer.Argument(metavar="LOG", help="...")], json: Json = False) -> None:
         """Say what is in a log."""
-        from prf.logs import describe
+        from prf.readings import describe
 
 The top of the module imports only the standard library, typer and `prf.shell`: numpy, numba, scipy and matplotlib
 are imported inside the function, so that ``--help`` answers at once. `-v`, `-q`, `--color` and `--no-progress` are
-added to every verb (:mod:`prf.shell.app`). The verb is then entered in the table of :mod:`prf.cli`.
+added to every verb (:mod:`prf.shell.cli.app`). The verb is then entered in the table of :mod:`prf.cli`.
 '''

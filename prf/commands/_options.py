@@ -103,8 +103,8 @@ MissProbability = Annotated[
 
 def refuse_shared_stream(inputs: Mapping[str, str | None]) -> None:
     """Raise UsageError if more than one of the options is given as standard input."""
+    from prf.shell.cli.files import STREAM
     from prf.shell.errors import UsageError
-    from prf.shell.files import STREAM
 
     streams = [f"{flag} -" for flag, path in inputs.items() if path == STREAM]
     if len(streams) > 1:

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from prf.commands import _options as o
-from prf.shell.options import Assignments, Force, Json, Output, Presets, Seed, Threads, parse_duration
+from prf.shell.cli.options import Assignments, Force, Json, Output, Presets, Seed, Threads, parse_duration
 
 if TYPE_CHECKING:
-    from prf.anneal import Annealed
+    from prf.sampler.anneal import Annealed
 
 logger = logging.getLogger(__name__)
 
@@ -74,15 +74,15 @@ def anneal(
     """
     options = locals()
 
-    from prf.anneal import Schedule
     from prf.api.science import sources_in
     from prf.configuration import IN_MANIFEST, load_configuration
+    from prf.sampler.anneal import Schedule
     from prf.sampler.driver import StopRule
     from prf.sampler.prepare import with_poses
     from prf.sampler.session import default_output
+    from prf.shell.cli.outputs import claim_output
+    from prf.shell.cli.seeds import resolve_seed
     from prf.shell.errors import UsageError
-    from prf.shell.outputs import claim_output
-    from prf.shell.seeds import resolve_seed
 
     logs = [log for log in (laser, sonar, point_data) if log is not None]
     if not logs:
@@ -117,11 +117,11 @@ def _cool(
     """Return what annealing found, how it was made, and whether it was interrupted."""
     import os
 
-    from prf.anneal import anneal as cool
+    from prf.sampler.anneal import anneal as cool
     from prf.sampler.prepare import describe_readings, read_prepared
-    from prf.shell.progress import progress
-    from prf.shell.seeds import spawn_generators
-    from prf.shell.signals import graceful_stop
+    from prf.shell.cli.progress import progress
+    from prf.shell.cli.seeds import spawn_generators
+    from prf.shell.cli.signals import graceful_stop
 
     laser, sonar, point_data = inputs
     prepared = read_prepared(laser, config, sonar, point_data)
@@ -154,9 +154,9 @@ def _cool(
 
 def _write(target: str, found: Annealed, made: dict[str, Any], logs: list[str]) -> str:
     """Write the map file; return its text."""
-    from prf.run.mapfile import map_text
-    from prf.shell.files import open_output
-    from prf.shell.manifest import describe_process
+    from prf.results.mapfile import map_text
+    from prf.shell.cli.files import open_output
+    from prf.shell.cli.manifest import describe_process
 
     text = map_text(found.best, {**made, **describe_process(logs)})
     with open_output(target) as stream:
@@ -166,9 +166,9 @@ def _write(target: str, found: Annealed, made: dict[str, Any], logs: list[str]) 
 
 def _report(found: Annealed, text: str, target: str, made: dict[str, Any], json: bool) -> None:
     """Print what came of it."""
-    from prf.shell import jsonout
-    from prf.shell.console import say_beside
-    from prf.shell.files import encoded
+    from prf.shell.cli import jsonout
+    from prf.shell.cli.console import say_beside
+    from prf.shell.cli.files import encoded
 
     # Two coordinates of 16 bits a vertex: a window of 65 m to the millimetre.
     packed = 4 * found.best.n_vertices

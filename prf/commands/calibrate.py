@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from prf.commands import _options as o
-from prf.shell.options import Assignments, Force, Json, Output
+from prf.shell.cli.options import Assignments, Force, Json, Output
 
 if TYPE_CHECKING:
     from prf.calibrate import Calibrated
@@ -46,9 +46,9 @@ def calibrate(
     from prf.calibrate import calibrate_laser, calibrate_sonar, fitted_text, read_known_map
     from prf.configuration import load_configuration
     from prf.sampler.prepare import read_configured
+    from prf.shell.cli.files import open_output
+    from prf.shell.cli.outputs import claim_output
     from prf.shell.errors import UsageError
-    from prf.shell.files import open_output
-    from prf.shell.outputs import claim_output
 
     if sonar is None and laser is None:
         raise UsageError("Nothing to calibrate by: give --sonar LOG, --laser LOG, or both.")
@@ -72,8 +72,8 @@ def calibrate(
 def _report(found: list[Calibrated], output: str | None, json: bool) -> None:
     """Print what came of it."""
     from prf.calibrate import lines_of, report_of
-    from prf.shell import jsonout
-    from prf.shell.console import is_verbose, say_beside
+    from prf.shell.cli import jsonout
+    from prf.shell.cli.console import is_verbose, say_beside
 
     if json:
         parts = {part.kind: report_of(part) for part in found}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from prf.shell.options import Assignments, ConfigAction, ConfigFile, ConfigWhat, Json, Presets
+from prf.shell.cli.options import Assignments, ConfigAction, ConfigFile, ConfigWhat, Json, Presets
 
 EXAMPLES = (
     "prf config show > site.toml",
@@ -26,7 +26,7 @@ def config(
     with its source.
     """
     from prf.configuration import Configuration
-    from prf.shell.config_verb import show, show_presets
+    from prf.shell.cli.config_verb import show, show_presets
 
     if action is ConfigAction.show:
         show(Configuration, "prf.config/1", file, preset, assignments, json)

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from prf.shell.options import Force, Json, Output
+from prf.shell.cli.options import Force, Json, Output
 
 if TYPE_CHECKING:
-    from prf.export import Exported
+    from prf.output.export import Exported
 
 logger = logging.getLogger(__name__)
 
@@ -82,10 +82,10 @@ def export(
     unknown in a ros-map, and polygons end half a metre beyond what was seen. ros-map writes two files, a yaml file and
     the image it names; it is the one format for a GRID. dxf and netcdf need libraries: pip install '.[dxf,netcdf]'.
     """
-    from prf.export import Options, export_source
-    from prf.shell import jsonout
-    from prf.shell.console import say_beside
-    from prf.shell.outputs import refuse_json_on_stream
+    from prf.output.export import Options, export_source
+    from prf.shell.cli import jsonout
+    from prf.shell.cli.console import say_beside
+    from prf.shell.cli.outputs import refuse_json_on_stream
 
     refuse_json_on_stream(output, json)
     options = Options(format, draw, unknown, squares, resolution, extrapolate)

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from prf.commands import _options as o
-from prf.shell.options import Assignments, Force, Json, Output
+from prf.shell.cli.options import Assignments, Force, Json, Output
 
 if TYPE_CHECKING:
-    from prf.occupancy.build import BuiltGrid
+    from prf.results.occupancy.build import BuiltGrid
 
 logger = logging.getLogger(__name__)
 
@@ -53,13 +53,13 @@ def grid(
     options = locals()
 
     from prf.configuration import load_configuration
-    from prf.occupancy import build_grid, grid_sources, write_grid
+    from prf.results.occupancy import build_grid, grid_sources, write_grid
     from prf.sampler.prepare import read_configured, with_poses
     from prf.sampler.session import default_output
+    from prf.shell.cli.files import STREAM
+    from prf.shell.cli.manifest import describe_process
+    from prf.shell.cli.outputs import claim_output
     from prf.shell.errors import UsageError
-    from prf.shell.files import STREAM
-    from prf.shell.manifest import describe_process
-    from prf.shell.outputs import claim_output
 
     logs = [log for log in (laser, sonar) if log is not None]
     if not logs:
@@ -81,7 +81,7 @@ def grid(
 
 def _report(built: BuiltGrid, target: str, json: bool) -> None:
     """Print what came of it."""
-    from prf.shell import console, jsonout
+    from prf.shell.cli import console, jsonout
 
     made = built.grid
     result = {

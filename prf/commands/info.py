@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from prf.commands import _options as o
-from prf.shell.options import Json
+from prf.shell.cli.options import Json
 
 if TYPE_CHECKING:
-    from prf.logs import Kind
-    from prf.logs.describe import Extent, LogSummary
+    from prf.readings import Kind
+    from prf.readings.describe import Extent, LogSummary
 
 MOST_LINES = 15
 DETAILS = ("log", "8 m or more", "other lines")
@@ -50,8 +50,8 @@ def info(
     lines of unknown kinds. Whether the poses agree with one another over loops is not checked: look at the map for
     that.
     """
-    from prf.logs import describe, read_poses, read_readings
-    from prf.shell import console, jsonout
+    from prf.readings import describe, read_poses, read_readings
+    from prf.shell.cli import console, jsonout
 
     if point_data:
         _tell_points(log, json)
@@ -69,8 +69,8 @@ def info(
 
 
 def _tell_points(file: str, json: bool) -> None:
-    from prf.logs import describe_points, read_point_data
-    from prf.shell import console, jsonout
+    from prf.readings import describe_points, read_point_data
+    from prf.shell.cli import console, jsonout
 
     found = describe_points(read_point_data(file))
     if json:
@@ -90,7 +90,7 @@ def _tell_points(file: str, json: bool) -> None:
 
 def _lines(summary: LogSummary) -> Iterator[str]:
     """Return the table for a person."""
-    from prf.shell import console
+    from prf.shell.cli import console
 
     rows = [row for row in _rows(summary) if console.is_verbose() or row[0] not in DETAILS]
     seen = [suspicion.message for suspicion in summary.suspicions] or ["nothing that these checks see"]

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from prf.shell.options import Json
+from prf.shell.cli.options import Json
 
 if TYPE_CHECKING:
-    from prf.inspection import FileState
+    from prf.results.inspection import FileState
 
 MAIN = ("kind", "created", "command", "inputs[0].path", "status", "seed")
 """Entries that are printed without ``-v``."""
@@ -36,8 +36,8 @@ def inspect(
     read makes the exit code 3; a missing one does not, since a run may end early, nor a checkpoint of another version,
     since draws are read.
     """
-    from prf.inspection import inspect as look_into
-    from prf.shell import console, jsonout
+    from prf.results.inspection import inspect as look_into
+    from prf.shell.cli import console, jsonout
     from prf.shell.errors import InputError
 
     found = look_into(source)

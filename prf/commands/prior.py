@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from prf.shell.options import Force, Json, Output, Seed
+from prf.shell.cli.options import Force, Json, Output, Seed
 
 if TYPE_CHECKING:
-    from prf.arak import Comparison
-    from prf.coloring import Draws
-    from prf.window import Window
+    from prf.model.arak import Comparison
+    from prf.model.coloring import Draws
+    from prf.model.window import Window
 
 EXAMPLES = (
     "prf prior --scale 1 --window 0 0 1 1 --draws 1000 --method exact --seed 1 -o draws.geojsonl",
@@ -53,15 +53,15 @@ def prior(
     The output has one GeoJSON Feature a line: a MultiLineString with one two-point line an edge, and the property
     anchor_black, the colour of the window's centre. The chain starts all white and discards a burn-in.
     """
-    from prf.arak import compare
-    from prf.coloring import feature_lines
-    from prf.shell import jsonout
-    from prf.shell.console import say_beside
+    from prf.model.arak import compare
+    from prf.model.coloring import feature_lines
+    from prf.model.window import Window
+    from prf.shell.cli import jsonout
+    from prf.shell.cli.console import say_beside
+    from prf.shell.cli.files import open_output
+    from prf.shell.cli.outputs import claim_output
+    from prf.shell.cli.seeds import resolve_seed
     from prf.shell.errors import UsageError
-    from prf.shell.files import open_output
-    from prf.shell.outputs import claim_output
-    from prf.shell.seeds import resolve_seed
-    from prf.window import Window
 
     if thin is not None and method is Method.exact:
         raise UsageError("--thin is for --method mcmc: exact draws are independent.")
@@ -93,8 +93,8 @@ def _draw(
 ) -> tuple[Draws, int | None]:
     """Return the draws, and the steps between two draws of the chain (None for exact draws)."""
     if method is Method.exact:
-        from prf.arak import exact_draws
-        from prf.shell.seeds import spawn_generators
+        from prf.model.arak import exact_draws
+        from prf.shell.cli.seeds import spawn_generators
 
         return exact_draws(scale, window, n_draws, spawn_generators(seed, 1)[0]), None
     from prf.sampler.prior import mcmc_draws

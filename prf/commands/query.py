@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from prf.shell.options import Json
+from prf.shell.cli.options import Json
 
 if TYPE_CHECKING:
-    from prf.estimate import Estimates
-    from prf.occupancy import OccupancyGrid
-    from prf.run import PointEstimates, Run
+    from prf.results import PointEstimates, Run
+    from prf.results.estimate import Estimates
+    from prf.results.occupancy import OccupancyGrid
 
 logger = logging.getLogger(__name__)
 
@@ -57,8 +57,8 @@ def query(
     and R-hat of the very question. A GRID has no such error, and answers for its cells, taken as independent: that
     not all cells with their centres in a square, or all cells that the disc touches, are free.
     """
-    from prf.occupancy import is_grid, read_grid
-    from prf.run import names, read_run
+    from prf.results import names, read_run
+    from prf.results.occupancy import is_grid, read_grid
     from prf.shell.errors import UsageError
 
     if (points is None) == (path is None):
@@ -75,9 +75,8 @@ def query(
 
 
 def _answer_points(source: Run | OccupancyGrid, points: str, square: float, json: bool) -> None:
-    from prf import occupancy
-    from prf.run import read_points
-    from prf.shell import console, jsonout
+    from prf.results import occupancy, read_points
+    from prf.shell.cli import console, jsonout
 
     xy = read_points(points)
     columns = {"x": xy[:, 0].tolist(), "y": xy[:, 1].tolist()}
@@ -103,9 +102,8 @@ def _answer_points(source: Run | OccupancyGrid, points: str, square: float, json
 
 
 def _answer_path(source: Run | OccupancyGrid, path: str, radius: float, json: bool) -> None:
-    from prf import occupancy
-    from prf.run import read_points
-    from prf.shell import console, jsonout
+    from prf.results import occupancy, read_points
+    from prf.shell.cli import console, jsonout
 
     xy = read_points(path)
     if isinstance(source, occupancy.OccupancyGrid):
@@ -128,7 +126,7 @@ def _answer_path(source: Run | OccupancyGrid, path: str, radius: float, json: bo
 
 def _warn(file: str, kind: str, found: Estimates | PointEstimates) -> None:
     """Warn where chains are too short, or disagree, for the answer."""
-    from prf.convergence import FEWEST_DRAWS, MIN_ESS
+    from prf.results.convergence import FEWEST_DRAWS, MIN_ESS
 
     known = found.probability == found.probability
     weak = known & ~((found.ess >= MIN_ESS) & (found.rhat <= MAX_RHAT))

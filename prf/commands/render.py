@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from prf.shell.cli.options import Force, Output
 from prf.shell.errors import UsageError
-from prf.shell.options import Force, Output
 
 if TYPE_CHECKING:
-    from prf.coloring import Coloring
-    from prf.run import PosteriorImage
+    from prf.model.coloring import Coloring
+    from prf.results import PosteriorImage
 
 logger = logging.getLogger(__name__)
 
@@ -68,9 +68,9 @@ def render(
     The suffix of the output chooses PNG, SVG or PDF; without -o the picture is a PNG in the current folder.
     White is free, black occupied, mid-grey unknown.
     """
-    from prf.shell.files import STREAM
-    from prf.shell.outputs import claim_output
-    from prf.shell.pictures import picture_format
+    from prf.shell.cli.files import STREAM
+    from prf.shell.cli.outputs import claim_output
+    from prf.shell.cli.pictures import picture_format
 
     is_run, is_grid = Path(inputs[0]).is_dir(), _is_grid(inputs[0])
     if (is_run or is_grid) and len(inputs) > 1:
@@ -100,8 +100,8 @@ def _render_run(
     path: bool | None,
     title: str | None,
 ) -> None:
-    from prf import render
-    from prf.run import read_run
+    from prf.output import pictures as render
+    from prf.results import read_run
 
     run = read_run(source)
     if what is What.best:
@@ -122,13 +122,13 @@ def _render_run(
 
 
 def _is_grid(source: str) -> bool:
-    from prf import occupancy
+    from prf.results import occupancy
 
     return occupancy.is_grid(source)
 
 
 def _render_grid(source: str, target: str, title: str | None) -> None:
-    from prf import render
+    from prf.output import pictures as render
 
     image, head, words = _grid_picture(source, title)
     render.render_cells(image, target, title=head, words=words)
@@ -136,7 +136,7 @@ def _render_grid(source: str, target: str, title: str | None) -> None:
 
 def _grid_picture(source: str, title: str | None) -> tuple[PosteriorImage, str, str]:
     """Return the cells of a grid, the title and the small print over them."""
-    from prf import occupancy
+    from prf.results import occupancy
 
     grid = occupancy.read_grid(source)
     words = f"{Path(source).stem}  ·  {grid.settings.get('method', 'unknown method')}"
@@ -144,14 +144,14 @@ def _grid_picture(source: str, title: str | None) -> tuple[PosteriorImage, str, 
 
 
 def _render_draws(sources: list[str], target: str, n_draws: int | None, title: str | None, captions: list[str]) -> None:
-    from prf.render import render_maps
+    from prf.output.pictures import render_maps
 
     render_maps(*_read_draws(sources, n_draws, captions), target, title=title)
 
 
 def _read_draws(sources: list[str], n_draws: int | None, captions: list[str]) -> tuple[list[Coloring], list[str]]:
     """Return the maps and their captions."""
-    from prf.coloring import check, read_geojsonl
+    from prf.model.coloring import check, read_geojsonl
     from prf.shell.errors import InputError
 
     maps, names = [], []

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from prf.shell.options import Force, Output
+from prf.shell.cli.options import Force, Output
 
 logger = logging.getLogger(__name__)
 
@@ -33,10 +33,10 @@ def report(
     for that of a disc to follow it. The page has all draws, or as many as fit into about 3 MB, and says how many.
     Without -o it is RUN.html beside the folder.
     """
-    from prf.report import write_report
-    from prf.run import names, read_run
-    from prf.shell.files import STREAM
-    from prf.shell.outputs import claim_output
+    from prf.output.report import write_report
+    from prf.results import names, read_run
+    from prf.shell.cli.files import STREAM
+    from prf.shell.cli.outputs import claim_output
 
     folder = Path(run) if Path(run).name.strip(".") else Path(run).resolve()
     target = output or f"{folder}.html"

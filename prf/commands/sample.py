@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from prf.commands import _options as o
-from prf.shell.options import Assignments, Force, Json, Output, Presets, Seed, Threads, parse_duration
+from prf.shell.cli.options import Assignments, Force, Json, Output, Presets, Seed, Threads, parse_duration
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
     from prf.api.science import ReadingKind, Source
-    from prf.run import Run
+    from prf.results import Run
 
 EXAMPLES = (
     "prf sample --laser data/demo-office.log.gz -o office --time-budget 30",
@@ -124,10 +124,10 @@ def _folder(logs: dict[str, str], output: str | None, resume: str | None) -> Pat
     """Return the RUN directory."""
     from pathlib import Path
 
-    from prf.run import is_run
+    from prf.results import is_run
     from prf.sampler.session import default_output
+    from prf.shell.cli.files import STREAM
     from prf.shell.errors import InputError, UsageError
-    from prf.shell.files import STREAM
 
     if resume is not None:
         if output is not None:
@@ -144,7 +144,7 @@ def _folder(logs: dict[str, str], output: str | None, resume: str | None) -> Pat
 
 def _report(run: Run, folder: Path, json: bool, asked_steps: int | None) -> None:
     """Print what came of it; `asked_steps` may be fewer than whole rounds have."""
-    from prf.shell import console, jsonout
+    from prf.shell.cli import console, jsonout
 
     assert run.diagnostics is not None
     assert run.progress is not None
@@ -177,9 +177,9 @@ def _summary(run: Run, folder: Path, asked_steps: int | None) -> Iterator[str]:
     """Yield for a person what was mapped, whether the chains agree, what to do about it, and what to open."""
     import shlex
 
-    from prf.agreement import Agreement
-    from prf.shell import console
-    from prf.shell.pictures import counted
+    from prf.results.agreement import Agreement
+    from prf.shell.cli import console
+    from prf.shell.cli.pictures import counted
 
     assert run.diagnostics is not None
     assert run.progress is not None
@@ -244,7 +244,7 @@ def _advice(run: Run, folder: Path) -> str:
     """Return in words what to do about chains that do not agree; empty if there is none."""
     import shlex
 
-    from prf.convergence import time_words
+    from prf.results.convergence import time_words
 
     assert run.diagnostics is not None
     configuration, diagnostics = run.manifest["configuration"], run.diagnostics

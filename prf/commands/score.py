@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from prf.commands import _options as o
-from prf.shell.options import Assignments, Json, Seed
+from prf.shell.cli.options import Assignments, Json, Seed
 
 MAIN = {
     "kind": "",
@@ -99,18 +99,11 @@ def score(
     options = locals()
 
     from prf.configuration import load_configuration
+    from prf.results.score import SCORE_DEFAULTS, hold_out, hold_out_sonar, open_map, read_occupied_area, true_cells
+    from prf.results.score import score as score_map
     from prf.sampler.prepare import read_configured
-    from prf.score import (
-        SCORE_DEFAULTS,
-        hold_out,
-        hold_out_sonar,
-        open_map,
-        read_occupied_area,
-        true_cells,
-    )
-    from prf.score import score as score_map
+    from prf.shell.cli.seeds import resolve_seed
     from prf.shell.errors import UsageError
-    from prf.shell.seeds import resolve_seed
 
     if laser is None and sonar is None and truth is None:
         raise UsageError("Nothing to score by: give --laser HELDOUT, --sonar HELDOUT or --truth PLAN.geojson.")
@@ -145,7 +138,7 @@ def _warn(scored: str, result: dict[str, Any]) -> None:
 
 def _report(result: dict[str, Any], json: bool) -> None:
     """Print the scores."""
-    from prf.shell import console, jsonout
+    from prf.shell.cli import console, jsonout
 
     if json:
         jsonout.emit_object("prf.score/1", result)

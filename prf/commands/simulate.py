@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from prf.shell.options import Assignments, Force, Json, Output, Seed
+from prf.shell.cli.options import Assignments, Force, Json, Output, Seed
 
 EXAMPLES = (
     "prf simulate --seed 1 -o wing",
@@ -74,12 +74,12 @@ def simulate(
     true_poses.csv and .tum the true ones. For one loop give its waypoints as --path.
     """
     from prf.configuration import load_configuration
-    from prf.shell import jsonout
+    from prf.shell.cli import jsonout
+    from prf.shell.cli.files import STREAM
+    from prf.shell.cli.outputs import claim, refuse_existing
+    from prf.shell.cli.progress import progress
+    from prf.shell.cli.seeds import resolve_seed
     from prf.shell.errors import UsageError
-    from prf.shell.files import STREAM
-    from prf.shell.outputs import claim, refuse_existing
-    from prf.shell.progress import progress
-    from prf.shell.seeds import resolve_seed
     from prf.simulate import config_of, refuse_absent_sensor, summary, write_simulation
     from prf.simulate import simulate as make
 
@@ -105,7 +105,7 @@ def simulate(
 
 def _report(result: dict[str, Any]) -> None:
     """Print the table for a person."""
-    from prf.shell import console
+    from prf.shell.cli import console
 
     for name, value in _rows(result):
         console.summarize(f"{name:<10}{value}")

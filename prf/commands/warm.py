@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from prf.shell.options import Json
+from prf.shell.cli.options import Json
 
 EXAMPLES = ("prf warm", "prf warm --for laser --for maps", "PRF_CACHE_DIR=/opt/prf prf warm -q")
 
@@ -70,8 +70,8 @@ def warm(
     """
     from prf.kernels._jit import CACHE
     from prf.sampler.tiles.tiled import small_round
-    from prf.shell.warming import Job, report
-    from prf.shell.warming import warm as run
+    from prf.shell.jit.warming import Job, report
+    from prf.shell.jit.warming import warm as run
 
     calls = {name: Job(lines, small_round if name == "laser" else lambda: None) for name, lines in COMMANDS.items()}
     report("prf", run(context.find_root().command, "prf", CACHE, calls, FILES, jobs or []), json)

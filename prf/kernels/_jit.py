@@ -9,8 +9,8 @@ from typing import Any, TypeVar
 import numba
 import numpy as np
 
-from prf.shell.kernel_cache import KernelCache
-from prf.shell.kernel_parts import loop_options, part_options, share_integers
+from prf.shell.jit.cache import KernelCache
+from prf.shell.jit.parts import loop_options, part_options, share_integers
 
 FLAGS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "cache": True, "no_cfunc_wrapper": True}
 """``nogil`` lets chains run in threads; ``numpy`` errors make a division by zero give inf, not raise inside a chain.

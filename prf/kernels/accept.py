@@ -2,7 +2,7 @@
 
 A proposal is accepted with probability min(1, R), log R being the sum of
 
-- the change of the log prior (:mod:`prf.kernels.prior`),
+- the change of the log prior (:mod:`prf.kernels.state.prior`),
 - the change of the log likelihood (laser, sonar, points),
 - log p[reverse move] + log_reverse - (log p[move] + log_forward): the probabilities of picking the moves, and the
   densities with which each makes its proposal (:mod:`prf.kernels.moves`).
@@ -12,14 +12,14 @@ import math
 
 from prf.kernels import constants as c
 from prf.kernels._jit import Array, Rng, core, spine
-from prf.kernels.chain import Chain
-from prf.kernels.guards import blocked_change, is_barred
-from prf.kernels.laser_change import touch_beams
-from prf.kernels.points import gain_inside
-from prf.kernels.prior import log_line_prior_change, log_prior_change
-from prf.kernels.proposal import N_LOOP
-from prf.kernels.sites import any_inside, occupied_change
-from prf.kernels.sonar_change import sonar_change, touch_cones
+from prf.kernels.readings.laser_change import touch_beams
+from prf.kernels.readings.points import gain_inside
+from prf.kernels.readings.sonar_change import sonar_change, touch_cones
+from prf.kernels.state.chain import Chain
+from prf.kernels.state.guards import blocked_change, is_barred
+from prf.kernels.state.prior import log_line_prior_change, log_prior_change
+from prf.kernels.state.proposal import N_LOOP
+from prf.kernels.state.sites import any_inside, occupied_change
 
 
 @core

@@ -5,9 +5,6 @@ import math
 from prf.kernels import constants as c
 from prf.kernels._jit import Array, Rng, core, loop, spine
 from prf.kernels.accept import accept
-from prf.kernels.chain import Chain, apply
-from prf.kernels.crossing import is_valid
-from prf.kernels.frozen import leaves_region
 from prf.kernels.moves import (
     boundary_triangle,
     corner_cut,
@@ -20,7 +17,10 @@ from prf.kernels.moves import (
     recolor,
     split_edge,
 )
-from prf.kernels.proposal import Densities, clear
+from prf.kernels.state.chain import Chain, apply
+from prf.kernels.state.crossing import is_valid
+from prf.kernels.state.frozen import leaves_region
+from prf.kernels.state.proposal import Densities, clear
 
 
 @core
@@ -119,5 +119,5 @@ def run_steps(chain: Chain, rng: Rng, until: int) -> bool:
 
 @loop
 def run(chain: Chain, rng: Rng, until: int) -> bool:
-    """Step until the step counter reaches `until`; False if the chain needs room first (:func:`prf.layout.grow`)."""
+    """Step until the step counter reaches `until`; False if the chain needs room first (``prf.model.layout``)."""
     return run_steps(chain, rng, until)

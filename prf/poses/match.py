@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, maximum_filter
 
-from prf.kernels.scan_match import correlate
+from prf.kernels.poses.scan_match import correlate
 from prf.poses.plane import Floats
 
 CELL = 0.1  # metres

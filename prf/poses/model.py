@@ -14,8 +14,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from prf.logs import Readings
 from prf.poses.plane import Floats, compose, seen_from, wrapped
+from prf.readings import Readings
 from prf.shell.errors import InputError
 
 SAME_TIME = 0.1

@@ -9,8 +9,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from prf.logs import Readings
 from prf.poses.plane import Floats, compose, seen_from, wrapped
+from prf.readings import Readings
 
 CHI2_95 = 5.991464547107979
 """Quantile 0.95 of chi-squared with two degrees of freedom."""

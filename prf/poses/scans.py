@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from prf.logs import Readings
+from prf.model.laser import unit_vectors
 from prf.poses.model import PoseModel
 from prf.poses.plane import Floats, compose
-from prf.sensors.laser import unit_vectors
+from prf.readings import Readings
 
 NEIGHBOURS = 7  # points of a scan that a normal is fitted to, the own one included
 LEAST = 3  # fewer have none

@@ -10,7 +10,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from prf.logs import Readings
 from prf.poses.align import align, dispersed
 from prf.poses.follow import follow
 from prf.poses.graph import Pull, Relations, root_of
@@ -18,6 +17,7 @@ from prf.poses.loops import LoopMatch, close_loops
 from prf.poses.model import PoseModel, PosePrior
 from prf.poses.plane import Floats
 from prf.poses.scans import Scans, scans_of
+from prf.readings import Readings
 
 logger = logging.getLogger(__name__)
 

@@ -7,15 +7,15 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from prf.coloring import Coloring
 from prf.configuration import Start
 from prf.kernels import constants as c
-from prf.kernels.build import recompute_sums
-from prf.kernels.chain import Chain
-from prf.layout import make_image, read_coloring, run_chain
-from prf.posterior import Settings, make_chain, one_colour_map
+from prf.kernels.state.build import recompute_sums
+from prf.kernels.state.chain import Chain
+from prf.model.coloring import Coloring
+from prf.model.layout import make_image, read_coloring, run_chain
 from prf.sampler.chain_map import copied, with_map
 from prf.sampler.poses import PoseTurns
+from prf.sampler.posterior import Settings, make_chain, one_colour_map
 from prf.sampler.prior_ground import PriorGround, prior_ground
 from prf.sampler.record import FIRST_THIN, ImageTimes, Record, burn_in
 from prf.sampler.starts import find_start_map

@@ -7,16 +7,16 @@ from typing import Any
 
 import numpy as np
 
-from prf.coloring import Coloring
 from prf.kernels import constants as c
-from prf.kernels.build import recompute_sums, trace_all
-from prf.kernels.chain import Chain
-from prf.kernels.graph import Graph
-from prf.kernels.image import settle_all
-from prf.layout import make_graph, make_image, make_index, paint_image, painted_sites, read_coloring
-from prf.posterior import FIRST_CAPACITY, Settings, painted_points
-from prf.sensors.laser import empty_lists
-from prf.sensors.sonar import make_sight
+from prf.kernels.state.build import recompute_sums, trace_all
+from prf.kernels.state.chain import Chain
+from prf.kernels.state.graph import Graph
+from prf.kernels.state.image import settle_all
+from prf.model.coloring import Coloring
+from prf.model.laser import empty_lists
+from prf.model.layout import make_graph, make_image, make_index, paint_image, painted_sites, read_coloring
+from prf.model.sonar import make_sight
+from prf.sampler.posterior import FIRST_CAPACITY, Settings, painted_points
 
 STATE = ("graph", "edge_index", "beams", "cones", "points", "sensors")
 """Fields of a chain that follow from its map; the others belong to the temperature."""

@@ -12,16 +12,16 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from prf.coloring import Draws
 from prf.configuration import Start
-from prf.convergence import Diagnosis, diagnose, disagree
 from prf.kernels import constants as c
-from prf.kernels.poses import POSE_MOVES
-from prf.layout import image_grid, pixel_centres, run_chain
+from prf.kernels.poses.state import POSE_MOVES
+from prf.model.coloring import Draws
+from prf.model.layout import image_grid, pixel_centres, run_chain
 from prf.poses.posterior import Trajectory, pose_functionals
-from prf.posterior import Settings
-from prf.run import PosteriorImage
+from prf.results import PosteriorImage
+from prf.results.convergence import Diagnosis, diagnose, disagree
 from prf.sampler.chain import ChainSampler
+from prf.sampler.posterior import Settings
 from prf.sampler.record import EDGES_ANYWHERE, FUNCTIONALS, Draw, burn_in
 from prf.sampler.targets import aim, is_due
 from prf.sampler.tempering import LadderPlan, SwapReport

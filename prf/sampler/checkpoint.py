@@ -10,20 +10,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from prf.coloring import Coloring, Draws
-from prf.kernels.chain import Chain
-from prf.kernels.image import count_edges, settle_all
-from prf.layout import read_coloring
+from prf.kernels.state.chain import Chain
+from prf.kernels.state.image import count_edges, settle_all
+from prf.model.coloring import Coloring, Draws
+from prf.model.layout import read_coloring
 from prf.poses.model import LocalReadings, PoseModel, PosePrior
-from prf.posterior import Settings
-from prf.run import names
+from prf.results import names
 from prf.sampler.chain import ChainSampler
 from prf.sampler.chain_map import with_graph
 from prf.sampler.chains import Sampler
+from prf.sampler.posterior import Settings
 from prf.sampler.record import Draw
 from prf.sampler.tempering import Tempering
+from prf.shell.cli.storage import damaged, load_arrays, save_arrays
 from prf.shell.errors import InputError
-from prf.shell.storage import damaged, load_arrays, save_arrays
 
 SCHEMA = names.CHECKPOINT_SCHEMA
 LADDER = ("powers", "tried", "rate_sum", "came_from_hottest")

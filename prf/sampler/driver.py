@@ -9,12 +9,12 @@ import time
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
-from prf.convergence import Diagnosis, verdict
-from prf.run import Progress, Status
+from prf.results import Progress, Status
+from prf.results.convergence import Diagnosis, verdict
 from prf.sampler.chains import Sampler
 
 if TYPE_CHECKING:
-    from prf.run import Run
+    from prf.results import Run
     from prf.sampler.session import Session
 
 LONGEST = 1800.0

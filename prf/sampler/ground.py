@@ -7,11 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from prf.driven import way_of
-from prf.layout import image_grid
-from prf.logs import PointTable, Readings
-from prf.seen import seen_by_beams, seen_by_cones
-from prf.window import Window
+from prf.model.layout import image_grid
+from prf.model.window import Window
+from prf.readings import PointTable, Readings
+from prf.readings.driven import way_of
+from prf.readings.seen import seen_by_beams, seen_by_cones
 
 
 def seen_cells(

@@ -13,20 +13,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from prf.kernels import constants as c
-from prf.kernels.build import recompute_sums, trace_all
-from prf.kernels.chain import Chain
-from prf.kernels.cones import N_POSE, READING
-from prf.kernels.pose_match import measure_spread
-from prf.kernels.pose_turn import run_poses
-from prf.kernels.poses import LOG_POSE_PRIOR, N_LOCAL, N_POSE_SUMS, POSE_MOVES, WARP, Poses, place_readings
-from prf.kernels.sonar import SONAR_MAX
-from prf.layout import make_sites
+from prf.kernels.poses.match import measure_spread
+from prf.kernels.poses.state import LOG_POSE_PRIOR, N_LOCAL, N_POSE_SUMS, POSE_MOVES, WARP, Poses, place_readings
+from prf.kernels.poses.turn import run_poses
+from prf.kernels.readings.cones import N_POSE, READING
+from prf.kernels.readings.sonar import SONAR_MAX
+from prf.kernels.state.build import recompute_sums, trace_all
+from prf.kernels.state.chain import Chain
+from prf.model.laser import make_beams
+from prf.model.layout import make_sites
+from prf.model.sonar import make_cones
 from prf.poses.model import LocalReadings, PoseModel
 from prf.poses.plane import wrapped
-from prf.posterior import NO_LASER, NO_SONAR, Settings, poses_of, rays_of
 from prf.sampler.chain_map import repaint, settle_image
-from prf.sensors.laser import make_beams
-from prf.sensors.sonar import make_cones
+from prf.sampler.posterior import NO_LASER, NO_SONAR, Settings, poses_of, rays_of
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -12,21 +12,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from prf.configuration import Configuration
-from prf.logs import Kind, PointTable, Readings, read_logs, read_point_data, thin, warn_of_spoiling
-from prf.logs.describe import default_max_range
-from prf.logs.poses import fields_of_view
+from prf.model.domain import check_length
+from prf.model.laser import unit_vectors
+from prf.model.points import window_round
+from prf.model.window import Window
 from prf.poses.model import PoseModel, pose_model
 from prf.poses.start import find_start
-from prf.posterior import LaserData, PointData, Settings, SonarData
+from prf.readings import Kind, PointTable, Readings, read_logs, read_point_data, thin, warn_of_spoiling
+from prf.readings.describe import default_max_range
+from prf.readings.poses import fields_of_view
+from prf.readings.thinning import thin_beams
 from prf.sampler.ground import driven_way, seen_cells
+from prf.sampler.posterior import LaserData, PointData, Settings, SonarData
 from prf.sampler.tempering import AUTO_TEMPERATURES, LadderPlan
 from prf.sampler.tiles.partition import chosen_tiles
-from prf.sensors.domain import check_length
-from prf.sensors.laser import unit_vectors
-from prf.sensors.points import window_round
 from prf.shell.errors import ConfigError, InputError
-from prf.thinning import thin_beams
-from prf.window import Window
 
 KEPT_RETURNS = 0.995
 """Share of the returns that the default window holds at least."""

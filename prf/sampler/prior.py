@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 
-from prf.arak import checked_scale, expected_edges, refuse_too_many_edges
-from prf.coloring import Coloring, Draws
-from prf.kernels.build import recompute_sums
-from prf.layout import read_coloring, run_chain
-from prf.posterior import Settings, make_chain
-from prf.shell.seeds import spawn_generators
-from prf.window import Window
+from prf.kernels.state.build import recompute_sums
+from prf.model.arak import checked_scale, expected_edges, refuse_too_many_edges
+from prf.model.coloring import Coloring, Draws
+from prf.model.layout import read_coloring, run_chain
+from prf.model.window import Window
+from prf.sampler.posterior import Settings, make_chain
+from prf.shell.cli.seeds import spawn_generators
 
 THIN_PER_EDGE = 50
 """Steps between draws for each edge to be expected: about the autocorrelation time of the number of edges."""

@@ -15,20 +15,20 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from prf.coloring import Coloring
-from prf.driven import way_guards
 from prf.kernels import constants as c
-from prf.kernels.build import fill_index
-from prf.kernels.chain import Chain
-from prf.kernels.cones import MAX_DISTANCE
-from prf.kernels.frozen import freeze, retrace, thaw
-from prf.kernels.grid import Grid, most_cells
-from prf.kernels.guards import GUARD_BOX, N_SHAPE
-from prf.kernels.passed_cells import count_passes, mark_cones
+from prf.kernels.readings.cones import MAX_DISTANCE
+from prf.kernels.score.passed_cells import count_passes, mark_cones
+from prf.kernels.state.build import fill_index
+from prf.kernels.state.chain import Chain
+from prf.kernels.state.frozen import freeze, retrace, thaw
+from prf.kernels.state.grid import Grid, most_cells
+from prf.kernels.state.guards import GUARD_BOX, N_SHAPE
 from prf.kernels.step import run
-from prf.layout import grow, make_guards, make_index
-from prf.posterior import Settings, make_chain
+from prf.model.coloring import Coloring
+from prf.model.layout import grow, make_guards, make_index
+from prf.readings.driven import way_guards
 from prf.sampler.chain_map import repaint, settle_image
+from prf.sampler.posterior import Settings, make_chain
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]

@@ -7,11 +7,11 @@ import dataclasses
 import numpy as np
 from numpy.typing import NDArray
 
-from prf.coloring import Coloring
 from prf.kernels import constants as c
-from prf.kernels.chain import Chain
-from prf.kernels.image import Image, settle_all
-from prf.layout import read_coloring
+from prf.kernels.state.chain import Chain
+from prf.kernels.state.image import Image, settle_all
+from prf.model.coloring import Coloring
+from prf.model.layout import read_coloring
 from prf.sampler.poses import PoseTurns
 
 FIRST_THIN = 2000

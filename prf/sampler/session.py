@@ -16,19 +16,25 @@ from typing import Any
 import numpy as np
 
 from prf.configuration import IN_MANIFEST, Configuration, Trajectory
-from prf.convergence import outlook, verdict
 from prf.kernels import constants as c
-from prf.logs import log_stem
-from prf.posterior import Settings
-from prf.run import PosteriorImage, Progress, Run, names, read_manifest, read_run, write_run
-from prf.run.write import make_folder, remove_half_written, remove_stale_outputs, remove_unfinished, write_manifest
+from prf.readings import log_stem
+from prf.results import PosteriorImage, Progress, Run, names, read_manifest, read_run, write_run
+from prf.results.convergence import outlook, verdict
+from prf.results.write import (
+    make_folder,
+    remove_half_written,
+    remove_stale_outputs,
+    remove_unfinished,
+    write_manifest,
+)
 from prf.sampler.chains import Sampler
 from prf.sampler.checkpoint import load_checkpoint, load_pose_model, save_checkpoint
+from prf.sampler.posterior import Settings
 from prf.sampler.prepare import Prepared, describe_readings, ladder_plan, make_settings
+from prf.shell.cli.manifest import describe_input, describe_process, versions
+from prf.shell.cli.seeds import spawn_generators
+from prf.shell.cli.settings import Loaded
 from prf.shell.errors import ConfigError, InputError, OutputError
-from prf.shell.manifest import describe_input, describe_process, versions
-from prf.shell.seeds import spawn_generators
-from prf.shell.settings import Loaded
 
 COUNTS = ("n_beams", "n_beams_thinned", "n_cones", "n_outside", "n_points", "n_points_outside")
 PROCESS_KEYS = ("versions", "platform", "command", "created", "inputs", "sources", *COUNTS)
@@ -56,7 +62,7 @@ class Session:
     sampler: Sampler
     config: Configuration  # resolved
     seed: int
-    process: dict[str, Any]  # versions, platform, command, inputs (:func:`prf.shell.manifest.describe_process`)
+    process: dict[str, Any]  # versions, platform, command, inputs (:func:`prf.shell.cli.manifest.describe_process`)
     folder: Path | None = None
     seconds_before: float = 0.0  # sampling in earlier processes of a resumed run
     is_resumed: bool = False  # whether the folder holds the run already

@@ -14,20 +14,20 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from prf.arak import exact_draws
-from prf.coloring import Coloring, from_polygons, occupied_polygons
 from prf.configuration import Start
-from prf.driven import cleared
 from prf.kernels import constants as c
-from prf.kernels.build import recompute_sums
-from prf.kernels.grid import make_grid, most_cells
-from prf.kernels.occupancy import Cells, update_beams
-from prf.layout import read_coloring, run_chain
-from prf.posterior import LaserData, Settings, make_chain, one_colour_map, white_places
+from prf.kernels.score.occupancy import Cells, update_beams
+from prf.kernels.state.build import recompute_sums
+from prf.kernels.state.grid import make_grid, most_cells
+from prf.model.arak import exact_draws
+from prf.model.coloring import Coloring, from_polygons, occupied_polygons
+from prf.model.laser import unit_vectors, window_exit
+from prf.model.layout import read_coloring, run_chain
+from prf.model.window import Window
+from prf.readings.driven import cleared
 from prf.sampler.chain_map import occupied_cost
-from prf.sensors.laser import unit_vectors, window_exit
+from prf.sampler.posterior import LaserData, Settings, make_chain, one_colour_map, white_places
 from prf.shell.errors import ConfigError, InputError
-from prf.window import Window
 
 LOWEST_POWER = 0.003
 """Power of the likelihood with which a chain leaves a draw of the prior."""

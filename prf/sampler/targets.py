@@ -6,7 +6,7 @@ density does not know. Adaptation that becomes rarer and rarer leaves the limit 
 Latuszynski, Roberts 2018, Air Markov chain Monte Carlo).
 
 Every second turn of a chain is spent in a region round a target, drawn without a look at the map. The moves are
-confined to it for a fixed number of steps (:mod:`prf.kernels.frozen`): given what lies outside they sample what lies
+confined to it for a number of steps (:mod:`prf.kernels.state.frozen`): given what lies outside they sample what lies
 inside, so that each leaves the posterior what it is.
 """
 
@@ -18,13 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from prf.kernels import constants as c
-from prf.kernels.chain import Chain
-from prf.kernels.frozen import confine, release
-from prf.kernels.grid import cells_of
+from prf.kernels.state.chain import Chain
+from prf.kernels.state.frozen import confine, release
+from prf.kernels.state.grid import cells_of
+from prf.kernels.state.targets import NEAR
 from prf.kernels.step import run
-from prf.kernels.targets import NEAR
-from prf.layout import grow, run_chain
-from prf.posterior import BORDER_MOVES, Settings
+from prf.model.layout import grow, run_chain
+from prf.sampler.posterior import BORDER_MOVES, Settings
 
 UNEXPLAINED = 4.0
 """Nats that an unexplained return lacks at least to the best that any map could do for it."""

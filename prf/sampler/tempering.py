@@ -20,13 +20,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from prf.arak import exact_draws
-from prf.coloring import Coloring
 from prf.kernels import constants as c
-from prf.kernels.build import recompute_sums
-from prf.kernels.chain import Chain
-from prf.layout import run_chain
-from prf.posterior import Settings
+from prf.kernels.state.build import recompute_sums
+from prf.kernels.state.chain import Chain
+from prf.model.arak import exact_draws
+from prf.model.coloring import Coloring
+from prf.model.layout import run_chain
 from prf.sampler.chain_map import (
     exchanged,
     occupied_cost,
@@ -36,6 +35,7 @@ from prf.sampler.chain_map import (
     with_map,
     without_image,
 )
+from prf.sampler.posterior import Settings
 
 Floats = NDArray[np.float64]
 

@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 
-from prf.logs.text import BYTE_ORDER_MARK, IntArray, decompress, read_rows
+from prf.readings.text import BYTE_ORDER_MARK, IntArray, decompress, read_rows
+from prf.shell.cli.files import open_input
 from prf.shell.errors import ConfigError, InputError
-from prf.shell.files import open_input
 from prf.simulate.roadmap import CELL, Roadmap, tour_places, viewpoints
 from prf.simulate.world import Floats, World
 

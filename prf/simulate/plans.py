@@ -7,10 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from prf.model.window import Window
 from prf.shell.errors import ConfigError
 from prf.simulate.fittings import Box, Draft, Wall, box_of
 from prf.simulate.world import World
-from prf.window import Window
 
 ROOM = 4.0  # usual width of a room, metres; rooms vary by about 0.6 to 1.5 times this
 DOOR, CORRIDOR = 0.9, 2.0  # clear widths, metres

@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 
 from prf.configuration import Simulate
-from prf.logs.poses import PIONEER, mounted
-from prf.sensors.domain import check_length
+from prf.model.domain import check_length
+from prf.model.window import Window
+from prf.readings.poses import PIONEER, mounted
+from prf.shell.cli.seeds import spawn_generators
 from prf.shell.errors import ConfigError, InputError, UsageError
-from prf.shell.seeds import spawn_generators
 from prf.simulate.given import given_scans
 from prf.simulate.laser import LaserPhysics, simulate_laser
 from prf.simulate.path import PathFile, Scans, Spacing, plan_drive, read_path, scans_along
@@ -21,7 +22,6 @@ from prf.simulate.roadmap import roadmap
 from prf.simulate.sonar import SonarPhysics, simulate_sonar
 from prf.simulate.sources import draw_world, read_world
 from prf.simulate.world import Floats, World
-from prf.window import Window
 
 OFFICE, ARAK = "office", "arak"
 WORLDS_OF = {"size": (OFFICE, ARAK), "scale": (ARAK,)}

@@ -2,7 +2,7 @@
 
 A wall echoes from the foot of the perpendicular on it, a right-angled corner of the room from every direction, and an
 edge that sticks out weakly; each must be in view. The reading is the nearest echo that is loud enough. Nothing here is
-taken from the likelihood of :mod:`prf.sensors.sonar`, so that maps made with it can be judged (docs/simulation.md).
+taken from the likelihood of :mod:`prf.model.sonar`, so that maps made with it can be judged (docs/simulation.md).
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import j1
 
-from prf.logs.poses import PIONEER, mounted
-from prf.sensors.domain import check_length
+from prf.model.domain import check_length
+from prf.readings.poses import PIONEER, mounted
 from prf.simulate.world import Floats
 
 RIGHT_ANGLE = math.radians(10.0)  # corners within this of a right angle send sound back to where it came from

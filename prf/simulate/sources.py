@@ -12,13 +12,13 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from prf.arak import exact_draws
-from prf.score import OccupiedArea, read_occupied_area
-from prf.score.polygons import area_of_cells, outline_of_cells
+from prf.model.arak import exact_draws
+from prf.model.window import Window
+from prf.results.score import OccupiedArea, read_occupied_area
+from prf.results.score.polygons import area_of_cells, outline_of_cells
+from prf.shell.cli.files import open_input
 from prf.shell.errors import ConfigError, InputError
-from prf.shell.files import open_input
 from prf.simulate.world import World
-from prf.window import Window
 
 MARGIN = 1.0  # metres of free space round polygons without a window
 MAX_DRAWS = 1000

@@ -11,9 +11,9 @@ from shapely import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 from shapely.geometry.polygon import orient
 
-from prf.coloring import Coloring, from_polygons, occupied_polygons
-from prf.coloring.polygons import turning_corners
-from prf.window import SIDES, Window
+from prf.model.coloring import Coloring, from_polygons, occupied_polygons
+from prf.model.coloring.polygons import turning_corners
+from prf.model.window import SIDES, Window
 
 Floats = NDArray[np.float64]
 

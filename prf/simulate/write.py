@@ -13,17 +13,17 @@ from typing import Any
 import numpy as np
 import shapely
 
-from prf.logs.describe import MAX_RANGE_SHARE
-from prf.logs.poses import CONE, PIONEER, mounted
-from prf.logs.table import OPTIONAL, REQUIRED
-from prf.render.layers import fill_map
-from prf.run.mapfile import map_text
-from prf.shell import pictures as style
-from prf.shell.files import Group, atomic_write, made_folder, together
-from prf.shell.jsonout import dump_object
-from prf.shell.manifest import describe_input, versions
-from prf.shell.outputs import remove_leftovers
-from prf.shell.pictures import Target
+from prf.output.pictures.layers import fill_map
+from prf.readings.describe import MAX_RANGE_SHARE
+from prf.readings.poses import CONE, PIONEER, mounted
+from prf.readings.table import OPTIONAL, REQUIRED
+from prf.results.mapfile import map_text
+from prf.shell.cli import pictures as style
+from prf.shell.cli.files import Group, atomic_write, made_folder, together
+from prf.shell.cli.jsonout import dump_object
+from prf.shell.cli.manifest import describe_input, versions
+from prf.shell.cli.outputs import remove_leftovers
+from prf.shell.cli.pictures import Target
 from prf.simulate.given import rms_errors
 from prf.simulate.laser import LaserPhysics
 from prf.simulate.path import DIGITS, Scans

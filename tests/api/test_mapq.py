@@ -13,8 +13,8 @@ import pytest
 import mapq
 from mapq.cli import app
 from mapq.segmentation import segment as cut
+from prf.shell.cli.run import run_app
 from prf.shell.errors import ArgumentError, InputError, OutputExists, UsageError
-from prf.shell.run import run_app
 
 
 @pytest.fixture(scope="module")

@@ -16,10 +16,10 @@ from matplotlib.figure import Figure
 
 import prf
 from prf.cli import app
-from prf.estimate import occupied_probability
-from prf.run import read_run
+from prf.results import read_run
+from prf.results.estimate import occupied_probability
+from prf.shell.cli.run import run_app
 from prf.shell.errors import ArgumentError, ConfigError, InputError, Interrupted, OutputExists
-from prf.shell.run import run_app
 
 PRIOR = prf.Prior(scale=0.2, window=(-0.5, -0.5, 6.5, 4.5))
 HOW: dict[str, Any] = {"chains": 2, "seed": 1, "resolution": 0.1, "threads": 1, "progress": False}

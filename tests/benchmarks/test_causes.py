@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from benchmarks import causes
-from mapq.assess.causes import LOCAL, MISSED_LOOP
 from mapq.perturb import build
+from mapq.results.causes import LOCAL, MISSED_LOOP
 from mapq.simulate import Settings, simulate
 from tests.mapq.factories import make_patches
 

@@ -13,10 +13,10 @@ import shapely
 
 from benchmarks import commands, figure4, scores
 from benchmarks.contours import contour_polygons, write_contours
-from prf.logs import Readings, read_readings
-from prf.occupancy import OccupancyGrid
-from prf.run import write_run
-from prf.score import read_occupied_area
+from prf.readings import Readings, read_readings
+from prf.results import write_run
+from prf.results.occupancy import OccupancyGrid
+from prf.results.score import read_occupied_area
 from tests.factories import make_run
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from benchmarks import figure3
-from prf.sensors.sonar import SonarModel
+from prf.model.sonar import SonarModel
 
 
 def test_the_scene_has_a_bit_of_everything_and_its_sums_are_one() -> None:

@@ -9,8 +9,8 @@ import pytest
 
 from benchmarks import unseen, unseen_rivals, unseen_sets
 from benchmarks.unseen_sets import Map
-from mapq.assess.judged import Judged
 from mapq.patches import PLAUSIBLE, SUSPICIOUS, UNLABELLED
+from mapq.results.judged import Judged
 from tests.mapq.factories import make_patches, wall
 
 POSES = np.tile(np.eye(4), (7, 1, 1))

@@ -16,17 +16,17 @@ import numpy as np
 from mapq.cloud import PointCloud
 from mapq.io import write_patches, write_ply
 from mapq.io.models import write_model
-from prf.occupancy import write_grid
-from prf.run import write_run
-from prf.shell.run import run_app
-from prf.window import Window
+from prf.model.window import Window
+from prf.results import write_run
+from prf.results.occupancy import write_grid
+from prf.shell.cli.run import run_app
 from tests.factories import make_run, random_draws, write_draws
-from tests.logs.samples import flaser
-from tests.mapq.assess.test_result import make_model
 from tests.mapq.factories import wall
 from tests.mapq.labelled import draw_patches
 from tests.mapq.perturb.scenes import look, pose_at
-from tests.occupancy.test_build import BEAM, build
+from tests.mapq.results.test_result import make_model
+from tests.readings.samples import flaser
+from tests.results.occupancy.test_build import BEAM, build
 from tests.shell.test_trajectory import rows
 
 

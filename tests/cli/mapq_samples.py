@@ -8,9 +8,9 @@ from pathlib import Path
 from mapq.cli import app
 from mapq.io import write_patches, write_ply
 from mapq.io.models import write_model
-from prf.shell.run import run_app
-from tests.mapq.assess.test_result import make_model
+from prf.shell.cli.run import run_app
 from tests.mapq.labelled import draw_patches
+from tests.mapq.results.test_result import make_model
 
 
 def call(capsys, *args: object) -> tuple[int, str, str]:

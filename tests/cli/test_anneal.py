@@ -9,8 +9,8 @@ import pytest
 import shapely
 
 from prf.cli import app
-from prf.run.mapfile import read_map_feature
-from prf.shell.run import run_app
+from prf.results.mapfile import read_map_feature
+from prf.shell.cli.run import run_app
 
 
 @pytest.fixture(scope="module")

@@ -11,8 +11,8 @@ import pytest
 import shapely
 
 from prf.cli import app
-from prf.logs import write_table
-from prf.shell.run import run_app
+from prf.readings import write_table
+from prf.shell.cli.run import run_app
 from tests.reference.known_worlds import HALL, laser_log, sonar_log
 
 

@@ -13,7 +13,7 @@ import mapq.cli
 import prf.cli
 from mapq.configuration import Configuration
 from mapq.io import read_patches
-from prf.shell.run import run_app
+from prf.shell.cli.run import run_app
 from tests.cli.mapq_samples import call, call_json, save_cloud, save_model, save_patches
 
 APPS = {"prf": prf.cli.app, "mapq": mapq.cli.app}

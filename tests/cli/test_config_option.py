@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from prf.cli import app
-from prf.occupancy import read_grid
-from prf.run import read_run
-from prf.shell.run import run_app
+from prf.results import read_run
+from prf.results.occupancy import read_grid
+from prf.shell.cli.run import run_app
 
 QUICK = ("--chains", "1", "--steps", "100", "-q", "--seed", "1")
 

@@ -12,14 +12,14 @@ import pytest
 import shapely
 
 from prf.cli import app
-from prf.coloring import occupied_polygons
 from prf.commands.export import Format
-from prf.export import FORMATS
-from prf.occupancy import OccupancyGrid, write_grid
+from prf.model.coloring import occupied_polygons
+from prf.output.export import FORMATS
 from prf.poses.plane import wrapped
-from prf.run import read_map_feature, read_run, write_run
-from prf.shell.run import run_app
-from prf.shell.trajectory import read_trajectory
+from prf.results import read_map_feature, read_run, write_run
+from prf.results.occupancy import OccupancyGrid, write_grid
+from prf.shell.cli.run import run_app
+from prf.shell.poses.trajectory import read_trajectory
 from tests.factories import make_run, make_trajectory
 
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from prf.cli import app
-from prf.occupancy import occupied_probability, path_free, read_grid
-from prf.shell.run import run_app
+from prf.results.occupancy import occupied_probability, path_free, read_grid
+from prf.shell.cli.run import run_app
 
 THIN = ("--every-scan", "4", "--every-beam", "3")
 

@@ -5,9 +5,9 @@ import json
 import pytest
 
 from prf.cli import app
-from prf.shell.run import run_app
-from tests.logs.bags import START, Maker, Note, drive
-from tests.logs.samples import flaser, save
+from prf.shell.cli.run import run_app
+from tests.readings.bags import START, Maker, Note, drive
+from tests.readings.samples import flaser, save
 
 JUMPY = "".join(flaser([1, 0, 81.83], (0.2 * i + 9 * (i > 5), 0, 0), time=i) for i in range(12)) + "ODD 1\n"
 

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from prf.cli import app
-from prf.occupancy import OccupancyGrid, write_grid
-from prf.run import write_run
-from prf.shell.run import run_app
-from prf.shell.storage import save_arrays
+from prf.results import write_run
+from prf.results.occupancy import OccupancyGrid, write_grid
+from prf.shell.cli.run import run_app
+from prf.shell.cli.storage import save_arrays
 from tests.factories import make_run
 
 
@@ -52,7 +52,7 @@ def test_a_damaged_file_is_shown_and_fails(folder: Path, capsys: pytest.CaptureF
 def test_an_unknown_version_is_refused(folder: Path, capsys: pytest.CaptureFixture) -> None:
     (folder / "manifest.json").write_text('{"schema": "prf.run/7"}')
     assert run_app(app, "prf", ["inspect", str(folder)]) == 3
-    assert "version 7 of prf.run is not known" in capsys.readouterr().err
+    assert "version 7 of prf.results is not known" in capsys.readouterr().err
 
 
 def test_files_of_other_versions(folder: Path, capsys: pytest.CaptureFixture) -> None:

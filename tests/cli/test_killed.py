@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from prf.sampler import driver
-from prf.shell import files
+from prf.shell.cli import files
 from tests.cli.calls import VERBS, Verb, call
 from tests.conftest import ROOT
 

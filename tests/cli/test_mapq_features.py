@@ -9,7 +9,7 @@ import pytest
 from mapq.cli import app
 from mapq.features import FeatureSettings, patch_features
 from mapq.io import write_patches
-from prf.shell.run import run_app
+from prf.shell.cli.run import run_app
 from tests.mapq.factories import make_patches, sample_patches, wall
 
 CORNER = [wall((-5, 0), (5, 0)), wall((-5, 0.3), (5, 0.3)), wall((5, 0), (5, 8))]

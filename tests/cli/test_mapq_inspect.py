@@ -9,7 +9,7 @@ from mapq.cli import app
 from mapq.cloud import PointCloud
 from mapq.io import ReadOptions, write_patches, write_ply
 from mapq.io.describe import describe, median_spacing
-from prf.shell.run import run_app
+from prf.shell.cli.run import run_app
 from tests.cli.mapq_samples import call
 from tests.mapq.io.samples import patches, save
 

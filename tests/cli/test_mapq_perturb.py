@@ -11,7 +11,7 @@ import pytest
 from mapq.cli import app
 from mapq.cloud import PointCloud
 from mapq.io import read_cloud, write_ply
-from prf.shell.run import run_app
+from prf.shell.cli.run import run_app
 from tests.mapq.factories import wall
 from tests.mapq.perturb.scenes import look, pose_at
 from tests.shell.test_trajectory import rows

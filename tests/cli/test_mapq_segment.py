@@ -13,8 +13,8 @@ from mapq.features import patch_features
 from mapq.features.node import SHAPE_NAMES
 from mapq.io import read_patches, write_ply
 from mapq.labelling.store import open_store
-from prf.shell.outputs import release_claims
-from prf.shell.run import run_app
+from prf.shell.cli.outputs import release_claims
+from prf.shell.cli.run import run_app
 from tests.reference.mapq_segment import cloud_of, ground, wall
 
 

@@ -11,7 +11,7 @@ import pytest
 from mapq.cli import app
 from mapq.io import read_cloud
 from mapq.simulate import Settings, simulate
-from prf.shell.run import run_app
+from prf.shell.cli.run import run_app
 
 ARGS = ("simulate", "--size", "small", "--n-points", "4000")
 

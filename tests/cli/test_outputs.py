@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from prf.shell.outputs import exclusive
+from prf.shell.cli.outputs import exclusive
 from tests.cli.calls import VERBS, Outcome, Verb, call, content, remove_outputs
 
 WRITING = {verb.title: verb for verb in VERBS if verb.writes}

@@ -11,15 +11,15 @@ import pytest
 import shapely
 
 from prf.cli import app
-from prf.coloring import black_at, from_polygons
 from prf.configuration import Configuration
-from prf.logs import Readings
-from prf.logs.table import write_table
-from prf.run import read_run
-from prf.run.mapfile import read_map_feature
+from prf.model.coloring import black_at, from_polygons
+from prf.model.window import Window
+from prf.readings import Readings
+from prf.readings.table import write_table
+from prf.results import read_run
+from prf.results.mapfile import read_map_feature
 from prf.sampler.prepare import read_prepared
-from prf.shell.run import run_app
-from prf.window import Window
+from prf.shell.cli.run import run_app
 from tests.reference.beams import Sensor, draw_readings, impacts
 from tests.reference.slow_points import Flips, Normal, lattice
 

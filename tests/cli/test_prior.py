@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from prf.cli import app
-from prf.coloring import read_geojsonl, violations
-from prf.shell.run import run_app
-from prf.window import Window
+from prf.model.coloring import read_geojsonl, violations
+from prf.model.window import Window
+from prf.shell.cli.run import run_app
 
 ARGS = ("prior", "--scale", "0.5", "--window", "-1", "-2.5", "3", "0.1")
 

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from prf.cli import app
-from prf.coloring import Draws
-from prf.estimate import occupied_probability
-from prf.run import Run, read_run, write_run
-from prf.shell.run import run_app
+from prf.model.coloring import Draws
+from prf.results import Run, read_run, write_run
+from prf.results.estimate import occupied_probability
+from prf.shell.cli.run import run_app
 from tests.factories import WINDOW, make_run
 
 

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from prf.run import write_run
+from prf.results import write_run
 from tests.cli.calls import call
 from tests.factories import make_run
 

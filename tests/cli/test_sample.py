@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 
 from prf.cli import app
-from prf.coloring import violations
-from prf.run import read_run
+from prf.model.coloring import violations
+from prf.results import read_run
 from prf.sampler import chains
-from prf.shell.run import run_app
+from prf.shell.cli.run import run_app
 
 TEMPERATURES = ("--set", "sampler.temperatures=3")
 LOWEST = "sampler.lowest_inverse_temperature"
@@ -149,7 +149,7 @@ def test_chains_that_disagree_get_a_ladder_and_report_it(
 ) -> None:
     """Chains from contours are far from agreement after 40,000 steps; resumed or not, the run is the same."""
     monkeypatch.setattr(chains, "FIRST_LOOK", 40_000)
-    monkeypatch.setattr("prf.convergence.STALLED", 0.0)
+    monkeypatch.setattr("prf.results.convergence.STALLED", 0.0)
     args = ("--laser", str(log), *QUICK, "--set", "sampler.temperatures=auto", "--seed", "5")
     whole, parts = tmp_path / "whole", tmp_path / "parts"
     assert run(*args, "--steps", "40000", "-o", str(parts)) == 0

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from prf.run import read_run
+from prf.results import read_run
 from tests.cli.calls import call
-from tests.logs.bags import LEVEL, START, Maker, Note, yaw
-from tests.logs.samples import flaser
+from tests.readings.bags import LEVEL, START, Maker, Note, yaw
+from tests.readings.samples import flaser
 
 WIDTH, DEPTH = 6.0, 4.0
 """Of a room with its corner in the origin."""

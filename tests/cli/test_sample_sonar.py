@@ -11,12 +11,12 @@ import pytest
 from prf.cli import app
 from prf.configuration import Configuration
 from prf.kernels import constants as c
-from prf.logs import Readings
-from prf.logs.table import write_table
-from prf.run import read_run
+from prf.model.window import Window
+from prf.readings import Readings
+from prf.readings.table import write_table
+from prf.results import read_run
 from prf.sampler.prepare import read_prepared
-from prf.shell.run import run_app
-from prf.window import Window
+from prf.shell.cli.run import run_app
 from tests.reference.beams import Sensor
 from tests.reference.slow_sonar import Ring
 from tests.reference.sonar_worlds import draw_data, ring_all_round
@@ -140,12 +140,12 @@ def test_json_describes_a_run_with_sonar(both: Path, capsys: pytest.CaptureFixtu
 
 def test_a_restored_chain_has_room_for_what_its_cones_see(both: Path) -> None:
     """A grown graph brings more edges than a fresh chain has room for."""
-    from prf.layout import grow
+    from prf.model.layout import grow
     from prf.sampler.chains import Sampler
     from prf.sampler.checkpoint import chain_arrays, restore
     from prf.sampler.prepare import make_settings
     from prf.sampler.session import stored_config
-    from prf.shell.seeds import spawn_generators
+    from prf.shell.cli.seeds import spawn_generators
 
     run = read_run(both)
     config, seed = stored_config(run, both)

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from prf.cli import app
-from prf.run import map_text, write_run
-from prf.shell.run import run_app
+from prf.results import map_text, write_run
+from prf.shell.cli.run import run_app
 from tests.factories import make_run
 
 KEYS = ("n_beams", "beam_nll", "auc", "nll", "brier", "within_0.2m", "rmse", "n_draws", "no_obstacle", "seed")

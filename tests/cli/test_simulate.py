@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from prf.cli import app
-from prf.shell.run import run_app
+from prf.shell.cli.run import run_app
 
 ARGS = ("simulate", "--size", "9", "8", "--set", "simulate.beams=36", "--readings", "720")
 

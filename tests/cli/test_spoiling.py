@@ -10,8 +10,8 @@ import pytest
 
 import prf
 from prf.cli import app
-from prf.logs import read_readings
-from prf.shell.run import run_app
+from prf.readings import read_readings
+from prf.shell.cli.run import run_app
 
 VERBS = {
     "sample": ["-o", "out", "--chains", "1", "--steps", "10", "--seed", "1", "--scale", "0.001"],

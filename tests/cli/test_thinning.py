@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from prf.cli import app
-from prf.run import read_run
-from prf.shell.run import run_app
+from prf.results import read_run
+from prf.shell.cli.run import run_app
 
 QUICK = ("--chains", "1", "--resolution", "0.5", "--seed", "3")
 ALL = 5580
@@ -119,7 +119,7 @@ def test_densities_that_make_no_sense_are_refused(
 
 def test_a_dense_public_log_keeps_the_density(shared_data: Path) -> None:
     from prf.configuration import Configuration
-    from prf.logs import read_readings
+    from prf.readings import read_readings
     from prf.sampler.prepare import prepare
 
     readings = read_readings(str(shared_data / "prf" / "carmen" / "intel-corrected.log.gz"))

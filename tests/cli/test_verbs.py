@@ -23,7 +23,7 @@ HEAVY = ("numpy", "numba", "scipy", "matplotlib", "shapely", "arviz_stats", "max
 MISSING = "no-such-file.log"
 PROBE = """
 import contextlib, io, sys
-from prf.shell.run import run_app
+from prf.shell.cli.run import run_app
 from {tool}.cli import VERBS, app
 with contextlib.redirect_stdout(io.StringIO()):
     codes = [run_app(app, "{tool}", [*words, "--help"]) for words in ([], *([verb] for verb in VERBS))]

@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 
 from mapq.io import write_cloud, write_patches
 from mapq.patches import Patches
-from prf.logs import read_readings, write_table
-from prf.run import write_run
+from prf.readings import read_readings, write_table
+from prf.results import write_run
 from tests.conftest import ROOT
 from tests.factories import make_run
-from tests.logs.bags import Maker, Note, yaw
-from tests.logs.samples import player_laser, position
 from tests.mapq.labelled import draw_patches
+from tests.readings.bags import Maker, Note, yaw
+from tests.readings.samples import player_laser, position
 
 Floats = NDArray[np.float64]
 

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import mapq.cli
 import prf.cli
-from prf.shell.run import run_app
+from prf.shell.cli.run import run_app
 from tests.conftest import ROOT
 from tests.docs.blocks import Command, differences
 from tests.docs.brought import bring

@@ -9,7 +9,7 @@ import pytest
 
 import mapq.configuration
 from prf.configuration import Configuration
-from prf.shell.settings import Tree, unit_of
+from prf.shell.cli.settings import Tree, unit_of
 
 TREES = {"prf": Configuration, "mapq": mapq.configuration.Configuration}
 

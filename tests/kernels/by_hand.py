@@ -9,11 +9,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from prf.coloring import Coloring
-from prf.kernels.chain import Chain
-from prf.layout import make_targets, read_coloring
-from prf.posterior import Settings
-from prf.window import INTERIOR, Window
+from prf.kernels.state.chain import Chain
+from prf.model.coloring import Coloring
+from prf.model.layout import make_targets, read_coloring
+from prf.model.window import INTERIOR, Window
+from prf.sampler.posterior import Settings
 from tests.reference.hastings import Lab, attempt, is_same_map, make_lab, shares_of
 from tests.reference.plain_map import Point, plain_map
 from tests.reference.scripted import SCRIPTS, scripted

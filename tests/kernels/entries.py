@@ -5,9 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from prf.kernels._jit import core_entry
-from prf.kernels.chain import Chain
-from prf.kernels.crossing import is_valid
-from prf.kernels.geometry import (
+from prf.kernels.readings.laser import beam_log_likelihood
+from prf.kernels.readings.laser_change import touch_beams
+from prf.kernels.readings.points import Points, gain_inside, sum_points
+from prf.kernels.readings.sonar import sonar_log_likelihood
+from prf.kernels.readings.sonar_features import BORDER, N_LINES, Sight, see_edge, sweep
+from prf.kernels.state.chain import Chain
+from prf.kernels.state.crossing import is_valid
+from prf.kernels.state.geometry import (
     inside_loop,
     ray_hit,
     segment_distance2,
@@ -15,14 +20,9 @@ from prf.kernels.geometry import (
     segments_meet,
     sine_of_angle,
 )
-from prf.kernels.grid import Grid, cell_at, exit_distance, walk
-from prf.kernels.image import Image, count_edge, recolor_inside
-from prf.kernels.laser import beam_log_likelihood
-from prf.kernels.laser_change import touch_beams
-from prf.kernels.points import Points, gain_inside, sum_points
-from prf.kernels.sites import Sites, any_inside, occupied_change
-from prf.kernels.sonar import sonar_log_likelihood
-from prf.kernels.sonar_features import BORDER, N_LINES, Sight, see_edge, sweep
+from prf.kernels.state.grid import Grid, cell_at, exit_distance, walk
+from prf.kernels.state.image import Image, count_edge, recolor_inside
+from prf.kernels.state.sites import Sites, any_inside, occupied_change
 from prf.kernels.step import choose_move, propose
 
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from prf.kernels import constants as c
-from prf.kernels.cell_lists import first_segments, list_segments
-from prf.kernels.grid import Grid, make_grid, most_cells
+from prf.kernels.state.cell_lists import first_segments, list_segments
+from prf.kernels.state.grid import Grid, make_grid, most_cells
 from tests.kernels.entries import hit_table, walk_segments
 
 GRID = make_grid(0.0, 0.0, 10.0, 8.0, 0.7)

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from numba.core import codegen, event
 
-from prf.shell.kernel_parts import part_options, share_integers
-from prf.shell.kernel_progress import CompileProgress
+from prf.shell.jit.parts import part_options, share_integers
+from prf.shell.jit.progress import CompileProgress
 
 FLAGS: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 SOURCE = """

@@ -7,10 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from prf.coloring import Coloring
 from prf.kernels import constants as c
-from prf.layout import read_coloring
-from prf.window import Window
+from prf.model.coloring import Coloring
+from prf.model.layout import read_coloring
+from prf.model.window import Window
 from tests.kernels.by_hand import drawn, is_legal, lab_at, log_ratio
 from tests.reference.hastings import Lab, attempt
 from tests.reference.proposals import log_acceptance_ratio

@@ -10,11 +10,11 @@ import sys
 import numpy as np
 
 import prf.kernels
-from prf.coloring import Coloring
 from prf.kernels import constants as c
 from prf.kernels.step import run
-from prf.posterior import Settings, make_chain
-from prf.window import Window
+from prf.model.coloring import Coloring
+from prf.model.window import Window
+from prf.sampler.posterior import Settings, make_chain
 
 ROOM = Window(0.0, 0.0, 10.0, 10.0)
 

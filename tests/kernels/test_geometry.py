@@ -8,10 +8,10 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from prf.kernels.grid import make_grid
-from prf.kernels.sites import Sites
-from prf.layout import make_sites
-from prf.window import Window
+from prf.kernels.state.grid import make_grid
+from prf.kernels.state.sites import Sites
+from prf.model.layout import make_sites
+from prf.model.window import Window
 from tests.kernels.entries import (
     box_table,
     distance_table,

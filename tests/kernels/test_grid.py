@@ -11,9 +11,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from prf.kernels.grid import Grid, cells_of, make_grid, most_cells
-from prf.layout import image_grid
-from prf.window import Window
+from prf.kernels.state.grid import Grid, cells_of, make_grid, most_cells
+from prf.model.layout import image_grid
+from prf.model.window import Window
 from tests.kernels.entries import cells_at, exits, walk_segments
 
 ROOM = Window(-5.0, -5.0, 5.0, 5.0)

@@ -9,10 +9,10 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from prf.coloring import Coloring, violations
 from prf.kernels import constants as c
-from prf.kernels.grid import Grid
-from prf.window import INTERIOR, Window
+from prf.kernels.state.grid import Grid
+from prf.model.coloring import Coloring, violations
+from prf.model.window import INTERIOR, Window
 from tests.reference.hastings import NAMES, TOLERANCE, Findings, examine
 from tests.reference.plain_map import cells_passed
 from tests.reference.proposals import Plan, log_proposal_density

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 import shapely
 
-from prf.arak import exact_draws
-from prf.coloring import Coloring, black_at
-from prf.kernels.image import Image, settle_all
-from prf.layout import image_grid, make_graph, make_image, pixel_centres
-from prf.window import Window
+from prf.kernels.state.image import Image, settle_all
+from prf.model.arak import exact_draws
+from prf.model.coloring import Coloring, black_at
+from prf.model.layout import image_grid, make_graph, make_image, pixel_centres
+from prf.model.window import Window
 from tests.kernels.entries import change_edge, inside_table, recolor
 
 ODD = Window(-1.3, 0.2, 2.45, 3.0)

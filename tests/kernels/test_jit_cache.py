@@ -12,7 +12,7 @@ import numba
 import pytest
 
 from prf.kernels import _jit
-from prf.shell import kernel_cache
+from prf.shell.jit import cache as kernel_cache
 
 CALLEE = """
 from toy.kernels._jit import jit

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy import integrate
 
-from prf.sensors.laser import LaserModel
+from prf.model.laser import LaserModel
 from tests.kernels.entries import log_likelihoods
 from tests.reference.beams import Sensor, density, draw_readings, log_likelihood, mass_from, mass_of_no_return
 

@@ -7,12 +7,12 @@ import dataclasses
 import numpy as np
 import pytest
 
-from prf.coloring import Coloring
 from prf.kernels.step import run
-from prf.layout import grow
-from prf.posterior import Settings, make_chain
-from prf.sensors.laser import LaserModel
-from prf.window import Window
+from prf.model.coloring import Coloring
+from prf.model.laser import LaserModel
+from prf.model.layout import grow
+from prf.model.window import Window
+from prf.sampler.posterior import Settings, make_chain
 from tests.kernels.entries import decide_early
 from tests.reference.beams import Sensor
 from tests.reference.worlds import draw_world

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from prf.kernels import constants as c
-from prf.kernels import points as k
-from prf.kernels.points import Points
-from prf.sensors.points import make_points, paint
+from prf.kernels.readings import points as k
+from prf.kernels.readings.points import Points
+from prf.model.points import make_points, paint
 from tests.kernels.entries import gain_of, inside_table, sum_of
 from tests.reference.slow_points import lattice
 

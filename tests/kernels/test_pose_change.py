@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from prf.coloring import black_at
 from prf.kernels import constants as c
-from prf.kernels.pose_change import readings_change, sites_are_white
-from prf.kernels.poses import LOG_CHANGE
-from prf.posterior import make_chain
+from prf.kernels.poses.change import readings_change, sites_are_white
+from prf.kernels.poses.state import LOG_CHANGE
+from prf.model.coloring import black_at
+from prf.sampler.posterior import make_chain
 from tests.kernels.test_poses import FAR, placed
 from tests.reference.pose_worlds import LASER, Rig, begin, draw_pose_world
 

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from prf.kernels import constants as c
-from prf.kernels.build import recompute_sums, trace_all
-from prf.kernels.pose_turn import run_poses
-from prf.kernels.poses import WARP
-from prf.layout import run_chain
+from prf.kernels.poses.state import WARP
+from prf.kernels.poses.turn import run_poses
+from prf.kernels.state.build import recompute_sums, trace_all
+from prf.model.layout import run_chain
 from tests.kernels.test_poses import FAR
 from tests.reference.chain_state import structural_faults
 from tests.reference.pose_worlds import BOTH, DRIVEN, LASER, Rig, begin, draw_pose_world, scratch

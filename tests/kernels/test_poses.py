@@ -7,13 +7,13 @@ import dataclasses
 import numpy as np
 import pytest
 
-from prf.arak import exact_draws
-from prf.coloring import black_at
-from prf.kernels import cones
 from prf.kernels import constants as c
-from prf.kernels.poses import is_white, log_pose_prior, place_readings
-from prf.posterior import Settings, make_chain, poses_of, rays_of
-from prf.window import Window
+from prf.kernels.poses.state import is_white, log_pose_prior, place_readings
+from prf.kernels.readings import cones
+from prf.model.arak import exact_draws
+from prf.model.coloring import black_at
+from prf.model.window import Window
+from prf.sampler.posterior import Settings, make_chain, poses_of, rays_of
 from tests.reference.beams import Sensor
 from tests.reference.pose_worlds import BOTH, DRIVEN, LASER, Rig, begin, draw_pose_world
 from tests.reference.slow_sonar import Ring

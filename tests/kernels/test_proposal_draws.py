@@ -16,13 +16,13 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from prf.coloring import Coloring
 from prf.kernels import constants as c
-from prf.kernels.chain import Chain
-from prf.kernels.proposal import N_NEW_VERTICES
-from prf.kernels.targets import Targets
-from prf.layout import read_coloring
-from prf.window import INTERIOR, SIDES
+from prf.kernels.state.chain import Chain
+from prf.kernels.state.proposal import N_NEW_VERTICES
+from prf.kernels.state.targets import Targets
+from prf.model.coloring import Coloring
+from prf.model.layout import read_coloring
+from prf.model.window import INTERIOR, SIDES
 from tests.reference.hastings import CASES, NAMES, Lab, attempt, make_lab, states, tries
 from tests.reference.plain_map import (
     Edges,

@@ -8,7 +8,7 @@ import math
 import pytest
 
 from prf.kernels import constants as c
-from prf.window import Window
+from prf.model.window import Window
 from tests.kernels.by_hand import REACH, chain_listed, drawn, is_legal, lab_at
 from tests.reference.hastings import Lab, attempt
 from tests.reference.plain_map import plain_map

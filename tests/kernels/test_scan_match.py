@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from prf.kernels.scan_match import correlate
+from prf.kernels.poses.scan_match import correlate
 
 
 def test_totals_are_those_of_each_shift():

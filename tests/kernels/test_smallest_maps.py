@@ -8,10 +8,10 @@ import math
 import numpy as np
 import pytest
 
-from prf.coloring import Coloring
 from prf.kernels import constants as c
-from prf.posterior import Settings
-from prf.window import BOTTOM, INTERIOR, TOP, Window
+from prf.model.coloring import Coloring
+from prf.model.window import BOTTOM, INTERIOR, TOP, Window
+from prf.sampler.posterior import Settings
 from tests.reference.hastings import NAMES, Lab, attempt, is_same_map, log_ratio_back, make_lab, proposed_coloring
 from tests.reference.plain_map import plain_map
 from tests.reference.proposals import REVERSE, log_acceptance_ratio

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 import shapely
 
-from prf.arak import exact_draws
-from prf.coloring import Coloring, black_at
-from prf.coloring.polygons import from_polygons
-from prf.kernels import sonar_features as v
-from prf.kernels.sonar import OUTLIER_SHORT, OUTLIER_UNIFORM
-from prf.sensors.sonar import make_poses, make_sight
-from prf.window import INTERIOR, Window
+from prf.kernels.readings import sonar_features as v
+from prf.kernels.readings.sonar import OUTLIER_SHORT, OUTLIER_UNIFORM
+from prf.model.arak import exact_draws
+from prf.model.coloring import Coloring, black_at
+from prf.model.coloring.polygons import from_polygons
+from prf.model.sonar import make_poses, make_sight
+from prf.model.window import INTERIOR, Window
 from tests.kernels.entries import see_all, sonar_table
 from tests.reference import slow_sonar as slow
 from tests.reference.slow_sonar import Cone, Feature, Ring

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 import shapely
 
-from prf.coloring import Coloring, black_at, violations
-from prf.driven import way_guards
 from prf.kernels import constants as c
-from prf.kernels import warp as w
-from prf.layout import make_guards, read_coloring
+from prf.kernels.poses.state import warp as w
+from prf.model.coloring import Coloring, black_at, violations
+from prf.model.layout import make_guards, read_coloring
+from prf.readings.driven import way_guards
 from tests.reference.pose_worlds import BARE, DRIVEN, PoseWorld, begin, draw_pose_world, scratch
 from tests.reference.recompute import cell_lists, recompute_edge_cells, recompute_log_prior
 

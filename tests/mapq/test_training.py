@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mapq.assess import assess, feature_settings
 from mapq.crf import TrainSettings
 from mapq.features import FeatureSettings
 from mapq.io import write_patches
 from mapq.io.models import read_model, write_model
 from mapq.patches import UNLABELLED
+from mapq.results import assess, feature_settings
 from mapq.training import train_maps
 from prf.shell.errors import InputError
 from tests.mapq.labelled import draw_patches

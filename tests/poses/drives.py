@@ -7,9 +7,9 @@ import itertools
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-from prf.logs import LogNotes, Readings, ScanTable
 from prf.poses.model import ODOMETRY, pose_model
 from prf.poses.plane import compose
+from prf.readings import LogNotes, Readings, ScanTable
 from prf.simulate.laser import LaserPhysics, simulate_laser
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from prf.logs import Readings
 from prf.poses.model import ODOMETRY, pose_model
+from prf.readings import Readings
 from prf.shell.errors import InputError
 
 N_BEAMS = 6

@@ -11,8 +11,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from prf.coloring import Coloring
-from prf.window import INTERIOR, SIDES, Window
+from prf.model.coloring import Coloring
+from prf.model.window import INTERIOR, SIDES, Window
 
 
 def log_density(coloring: Coloring, scale: float) -> float:

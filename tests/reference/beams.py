@@ -10,8 +10,8 @@ import shapely
 from numpy.typing import NDArray
 from scipy import special
 
-from prf.coloring import Coloring
-from prf.window import Window
+from prf.model.coloring import Coloring
+from prf.model.window import Window
 
 Floats = NDArray[np.float64]
 

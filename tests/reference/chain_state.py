@@ -7,7 +7,7 @@ import hashlib
 import numpy as np
 
 from prf.kernels import constants as c
-from prf.kernels.chain import Chain
+from prf.kernels.state.chain import Chain
 
 
 def structural_faults(chain: Chain) -> list[str]:

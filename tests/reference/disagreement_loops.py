@@ -23,8 +23,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from prf.coloring import Coloring, black_at
-from prf.window import BOTTOM, INTERIOR, LEFT, RIGHT, TOP, Window
+from prf.model.coloring import Coloring, black_at
+from prf.model.window import BOTTOM, INTERIOR, LEFT, RIGHT, TOP, Window
 
 Point = tuple[float, float]
 

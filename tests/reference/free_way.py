@@ -6,9 +6,9 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from prf.coloring import Coloring, Draws, black_at, black_at_draws
-from prf.driven import STRAIGHT
-from prf.posterior import Settings
+from prf.model.coloring import Coloring, Draws, black_at, black_at_draws
+from prf.readings.driven import STRAIGHT
+from prf.sampler.posterior import Settings
 
 
 def pieces(settings: Settings) -> NDArray[np.object_]:

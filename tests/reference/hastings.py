@@ -18,20 +18,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 import prf
-from prf.arak import exact_draws
-from prf.coloring import Coloring, black_at, violations
 from prf.kernels import constants as c
 from prf.kernels._jit import core_entry
 from prf.kernels.accept import accept, log_proposal_ratio
-from prf.kernels.chain import Chain, apply
-from prf.kernels.crossing import is_valid
-from prf.kernels.prior import log_prior_change
-from prf.kernels.proposal import N_LOOP, N_NEW_EDGES, N_OLD_EDGES
+from prf.kernels.state.chain import Chain, apply
+from prf.kernels.state.crossing import is_valid
+from prf.kernels.state.prior import log_prior_change
+from prf.kernels.state.proposal import N_LOOP, N_NEW_EDGES, N_OLD_EDGES
+from prf.kernels.state.targets import Targets
 from prf.kernels.step import propose, run
-from prf.kernels.targets import Targets
-from prf.layout import grow, make_targets, read_coloring
-from prf.posterior import Settings, make_chain
-from prf.window import Window
+from prf.model.arak import exact_draws
+from prf.model.coloring import Coloring, black_at, violations
+from prf.model.layout import grow, make_targets, read_coloring
+from prf.model.window import Window
+from prf.sampler.posterior import Settings, make_chain
 from tests.reference.plain_map import anchor_changes, plain_map
 from tests.reference.proposals import REVERSE, Plan, log_acceptance_ratio, log_proposal_density
 from tests.reference.scripted import SCRIPTS, scripted

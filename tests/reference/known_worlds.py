@@ -8,13 +8,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from prf.coloring import Coloring, black_at, occupied_polygons
-from prf.logs import Readings
-from prf.score import OccupiedArea
-from prf.score.scene import features_seen, first_edges, scene_of_coloring
-from prf.sensors.laser import window_exit
-from prf.sensors.sonar import make_poses
-from prf.window import Window
+from prf.model.coloring import Coloring, black_at, occupied_polygons
+from prf.model.laser import window_exit
+from prf.model.sonar import make_poses
+from prf.model.window import Window
+from prf.readings import Readings
+from prf.results.score import OccupiedArea
+from prf.results.score.scene import features_seen, first_edges, scene_of_coloring
 from tests.reference.beams import Sensor, draw_readings
 from tests.reference.slow_sonar import Feature, Ring, draw_reading
 from tests.reference.sonar_worlds import model_of, random_office

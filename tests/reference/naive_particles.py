@@ -12,8 +12,8 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from prf.coloring import Coloring, Draws
-from prf.window import BOTTOM, INTERIOR, LEFT, RIGHT, TOP, Window
+from prf.model.coloring import Coloring, Draws
+from prf.model.window import BOTTOM, INTERIOR, LEFT, RIGHT, TOP, Window
 
 MOST = 4096
 """Room for vertices, edges and particles of one draw."""

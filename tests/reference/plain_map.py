@@ -10,9 +10,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from prf.coloring import Coloring
-from prf.kernels.grid import Grid
-from prf.window import INTERIOR, Window
+from prf.kernels.state.grid import Grid
+from prf.model.coloring import Coloring
+from prf.model.window import INTERIOR, Window
 
 Point = tuple[float, float]
 Edge = frozenset[Point]

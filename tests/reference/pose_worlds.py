@@ -10,19 +10,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from prf.arak import exact_draws
-from prf.coloring import Coloring, black_at
 from prf.kernels import constants as c
-from prf.kernels.chain import Chain
-from prf.kernels.edge_index import EdgeIndex
-from prf.kernels.graph import Graph
-from prf.layout import run_chain
-from prf.logs import LogNotes, Readings, ScanTable
+from prf.kernels.state.chain import Chain
+from prf.kernels.state.edge_index import EdgeIndex
+from prf.kernels.state.graph import Graph
+from prf.model.arak import exact_draws
+from prf.model.coloring import Coloring, black_at
+from prf.model.layout import run_chain
+from prf.model.window import Window
 from prf.poses.model import PoseModel, PosePrior, pose_model
 from prf.poses.plane import Floats, compose
-from prf.posterior import LaserData, Settings, SonarData, make_chain
+from prf.readings import LogNotes, Readings, ScanTable
 from prf.sampler.poses import PoseTurns
-from prf.window import Window
+from prf.sampler.posterior import LaserData, Settings, SonarData, make_chain
 from tests.reference.beams import Sensor, draw_readings
 from tests.reference.slow_sonar import Cone, Ring
 from tests.reference.sonar_worlds import draw_data

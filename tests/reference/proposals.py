@@ -18,10 +18,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from prf.coloring import Coloring
 from prf.kernels import constants as c
-from prf.kernels.grid import Grid
-from prf.window import INTERIOR
+from prf.kernels.state.grid import Grid
+from prf.model.coloring import Coloring
+from prf.model.window import INTERIOR
 from tests.reference.plain_map import (
     Edges,
     PlainMap,

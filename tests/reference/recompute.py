@@ -9,20 +9,20 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from prf.coloring import Coloring, black_at
-from prf.kernels import cones as cone_columns
 from prf.kernels import constants as c
-from prf.kernels import guards as guard_columns
-from prf.kernels import points as point_columns
 from prf.kernels._jit import core_entry
-from prf.kernels.beams import Beams
-from prf.kernels.build import trace_all
-from prf.kernels.chain import Chain
-from prf.kernels.cones import Cones
-from prf.kernels.geometry import ray_hit
-from prf.kernels.graph import Graph
-from prf.kernels.laser import beam_log_likelihood
-from prf.layout import make_graph, make_image, make_index, pixel_centres, read_coloring
+from prf.kernels.readings import cones as cone_columns
+from prf.kernels.readings import points as point_columns
+from prf.kernels.readings.beams import Beams
+from prf.kernels.readings.cones import Cones
+from prf.kernels.readings.laser import beam_log_likelihood
+from prf.kernels.state import guards as guard_columns
+from prf.kernels.state.build import trace_all
+from prf.kernels.state.chain import Chain
+from prf.kernels.state.geometry import ray_hit
+from prf.kernels.state.graph import Graph
+from prf.model.coloring import Coloring, black_at
+from prf.model.layout import make_graph, make_image, make_index, pixel_centres, read_coloring
 from tests.reference.arak_laws import log_density
 
 Floats = NDArray[np.float64]

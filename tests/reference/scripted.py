@@ -13,9 +13,9 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 import numpy as np
 
 from prf.kernels import constants as c
-from prf.kernels.chain import Chain
-from prf.kernels.targets import Targets
-from prf.window import Window
+from prf.kernels.state.chain import Chain
+from prf.kernels.state.targets import Targets
+from prf.model.window import Window
 from tests.reference.plain_map import PlainMap, Point, foot_and_offset, other
 from tests.reference.proposals import Plan, new_points
 

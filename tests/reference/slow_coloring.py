@@ -1,4 +1,4 @@
-"""Slow, readable twins of what `prf.coloring` and `prf.arak` compute."""
+"""Slow, readable twins of what `prf.model.coloring` and `prf.model.arak` compute."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from shapely import LineString
 
-from prf.coloring import Coloring
-from prf.window import INTERIOR, Window
+from prf.model.coloring import Coloring
+from prf.model.window import INTERIOR, Window
 
 Edge = frozenset[tuple[float, ...]]
 

@@ -9,9 +9,9 @@ import numpy as np
 from scipy.optimize import minimize
 from scipy.special import expit
 
-from prf.coloring import Coloring, black_at
-from prf.posterior import PointData
-from prf.sensors.points import PointModel
+from prf.model.coloring import Coloring, black_at
+from prf.model.points import PointModel
+from prf.sampler.posterior import PointData
 
 
 class Normal(NamedTuple):

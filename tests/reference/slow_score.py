@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import integrate, stats
 
-from prf.occupancy import OccupancyGrid
+from prf.results.occupancy import OccupancyGrid
 from tests.reference import slow_sonar
 from tests.reference.slow_sonar import Cone, Ring
 

@@ -15,8 +15,8 @@ import shapely
 from numpy.typing import NDArray
 from scipy import integrate, special, stats
 
-from prf.coloring import Coloring
-from prf.window import INTERIOR, Window
+from prf.model.coloring import Coloring
+from prf.model.window import INTERIOR, Window
 from tests.reference.beams import normal
 
 Floats = NDArray[np.float64]

@@ -8,12 +8,12 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 
-from prf.arak import exact_draws
-from prf.coloring import Coloring, black_at
-from prf.coloring.polygons import from_polygons
-from prf.posterior import SonarData
-from prf.sensors.sonar import SonarModel
-from prf.window import Window
+from prf.model.arak import exact_draws
+from prf.model.coloring import Coloring, black_at
+from prf.model.coloring.polygons import from_polygons
+from prf.model.sonar import SonarModel
+from prf.model.window import Window
+from prf.sampler.posterior import SonarData
 from tests.reference.slow_sonar import Cone, Floats, Ring, draw_reading, features, reach_in
 
 

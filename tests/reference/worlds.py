@@ -7,11 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from prf.arak import exact_draws
-from prf.coloring import Coloring, black_at
-from prf.posterior import LaserData
-from prf.sensors.laser import LaserModel
-from prf.window import Window
+from prf.model.arak import exact_draws
+from prf.model.coloring import Coloring, black_at
+from prf.model.laser import LaserModel
+from prf.model.window import Window
+from prf.sampler.posterior import LaserData
 from tests.reference.beams import Sensor, draw_readings, impacts
 
 
@@ -45,8 +45,8 @@ def draw_world(
 
 def office(data_dir: Path, every_scan: int, every_beam: int) -> tuple[Window, LaserData]:
     """The demo log, thinned, in the window of the demo office."""
-    from prf.logs.open import read_readings
-    from prf.logs.thin import thin
+    from prf.readings.open import read_readings
+    from prf.readings.thin import thin
 
     readings = thin(read_readings(str(data_dir / "demo-office.log.gz")), every_scan=every_scan, every_beam=every_beam)
     return Window(-1.0, -1.0, 23.0, 15.0), LaserData.from_arrays(

@@ -9,11 +9,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from prf.coloring import Coloring
-from prf.layout import image_grid, pixel_centres, read_coloring
-from prf.posterior import LaserData, Settings
+from prf.model.coloring import Coloring
+from prf.model.layout import image_grid, pixel_centres, read_coloring
+from prf.model.window import Window
 from prf.sampler.chain import ChainSampler
-from prf.window import Window
+from prf.sampler.posterior import LaserData, Settings
 from tests.reference.beams import Sensor
 from tests.reference.worlds import draw_world
 

@@ -9,15 +9,15 @@ import pytest
 
 import prf.sampler.chain
 import prf.sampler.record
-from prf.coloring import Draws, black_at, violations
 from prf.kernels import constants as c
-from prf.layout import pixel_centres
-from prf.posterior import Settings
+from prf.model.coloring import Draws, black_at, violations
+from prf.model.layout import pixel_centres
+from prf.model.window import Window
 from prf.sampler import Sampler
 from prf.sampler.chains import probe_pixels
+from prf.sampler.posterior import Settings
 from prf.sampler.record import FUNCTIONALS
-from prf.shell.seeds import spawn_generators
-from prf.window import Window
+from prf.shell.cli.seeds import spawn_generators
 from tests.reference.beams import Sensor
 from tests.reference.chain_state import digest
 from tests.reference.worlds import World, draw_world

@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 
 from prf.kernels import constants as c
-from prf.posterior import Settings
-from prf.run import names
+from prf.model.window import Window
+from prf.results import names
 from prf.sampler import Sampler
 from prf.sampler.checkpoint import SCHEMA, Arrays, load_checkpoint, save_checkpoint
+from prf.sampler.posterior import Settings
 from prf.sampler.tempering import LadderPlan
+from prf.shell.cli.seeds import spawn_generators
+from prf.shell.cli.storage import load_arrays, save_arrays
 from prf.shell.errors import InputError
-from prf.shell.seeds import spawn_generators
-from prf.shell.storage import load_arrays, save_arrays
-from prf.window import Window
 from tests.reference.beams import Sensor
 from tests.reference.worlds import draw_world
 

@@ -7,14 +7,14 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from prf.convergence import Diagnosis, Verdict
-from prf.posterior import Settings
-from prf.run import Progress
+from prf.model.window import Window
+from prf.results import Progress
+from prf.results.convergence import Diagnosis, Verdict
 from prf.sampler import Sampler, StopRule, driver
 from prf.sampler import rounds as rounds_of
 from prf.sampler.driver import is_check
-from prf.shell.seeds import spawn_generators
-from prf.window import Window
+from prf.sampler.posterior import Settings
+from prf.shell.cli.seeds import spawn_generators
 
 UNIT = Window(0.0, 0.0, 1.0, 1.0)
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from prf.posterior import LaserData
+from prf.sampler.posterior import LaserData
 from tests.sampler.frames import first, maps_of, means_of, mirrored, reordered, scaled, shifted, turned
 
 FALSE_ALARM = 1e-3

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from prf.coloring import Draws, violations
+from prf.model.coloring import Draws, violations
+from prf.model.window import Window
 from prf.sampler import mcmc_draws
 from prf.sampler.prior import BURN_IN_DRAWS, chosen_thin
 from prf.shell.errors import ConfigError
-from prf.window import Window
 
 UNIT = Window(0.0, 0.0, 1.0, 1.0)
 

@@ -9,23 +9,23 @@ import numpy as np
 import pytest
 import shapely
 
-from prf.coloring import Coloring, black_at, violations
 from prf.kernels import constants as c
-from prf.kernels.build import recompute_sums
-from prf.kernels.chain import Chain
-from prf.kernels.cones import CONE_LOG_LIKELIHOOD
-from prf.kernels.grid import Grid
-from prf.layout import pixel_centres, read_coloring, run_chain
-from prf.posterior import LaserData, Settings, make_chain
+from prf.kernels.readings.cones import CONE_LOG_LIKELIHOOD
+from prf.kernels.state.build import recompute_sums
+from prf.kernels.state.chain import Chain
+from prf.kernels.state.grid import Grid
+from prf.model.coloring import Coloring, black_at, violations
+from prf.model.laser import LaserModel
+from prf.model.layout import pixel_centres, read_coloring, run_chain
+from prf.model.window import Window
 from prf.sampler import Sampler
 from prf.sampler.chain import ChainSampler
 from prf.sampler.chain_map import settle_image
 from prf.sampler.checkpoint import load_checkpoint, save_checkpoint
+from prf.sampler.posterior import LaserData, Settings, make_chain
 from prf.sampler.prior_ground import PriorGround, closed_boxes, closed_cells, prior_ground
 from prf.sampler.tempering import LadderPlan
-from prf.sensors.laser import LaserModel
-from prf.shell.seeds import spawn_generators
-from prf.window import Window
+from prf.shell.cli.seeds import spawn_generators
 from tests.reference.beams import Sensor
 from tests.reference.chain_state import digest, structural_faults
 from tests.reference.free_way import blocked_pairs

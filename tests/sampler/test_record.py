@@ -10,14 +10,14 @@ from hypothesis import strategies as st
 
 import prf.sampler.chain
 import prf.sampler.record
-from prf.coloring import Coloring, black_at
 from prf.kernels import constants as c
-from prf.kernels.build import recompute_sums
-from prf.layout import pixel_centres, read_coloring
-from prf.posterior import Settings
+from prf.kernels.state.build import recompute_sums
+from prf.model.coloring import Coloring, black_at
+from prf.model.layout import pixel_centres, read_coloring
+from prf.model.window import Window
 from prf.sampler import ChainSampler
+from prf.sampler.posterior import Settings
 from prf.sampler.record import FIRST_EPOCH, FIRST_THIN, FUNCTIONALS, Draw, ImageTimes, Record, burn_in
-from prf.window import Window
 from tests.reference.beams import Sensor
 from tests.reference.chain_state import digest
 from tests.reference.recompute import differences

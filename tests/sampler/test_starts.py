@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 import shapely
 
-from prf.coloring import Coloring, black_at, occupied_polygons, violations
 from prf.kernels import constants as c
-from prf.posterior import Settings, make_chain
+from prf.model.coloring import Coloring, black_at, occupied_polygons, violations
+from prf.model.window import Window
 from prf.sampler import Sampler, starts
+from prf.sampler.posterior import Settings, make_chain
 from prf.sampler.starts import contour_map, find_start_map, map_of_region
+from prf.shell.cli.seeds import spawn_generators
 from prf.shell.errors import ConfigError
-from prf.shell.seeds import spawn_generators
-from prf.window import Window
 from tests.reference.beams import Sensor
 from tests.reference.slow_sonar import Ring
 from tests.reference.sonar_worlds import draw_sonar_world

@@ -7,16 +7,16 @@ import dataclasses
 import numpy as np
 import pytest
 
-from prf.coloring import Coloring, violations
 from prf.kernels import constants as c
-from prf.kernels.frozen import confine, release
-from prf.layout import read_coloring, run_chain
-from prf.posterior import Settings, make_chain
+from prf.kernels.state.frozen import confine, release
+from prf.model.coloring import Coloring, violations
+from prf.model.layout import read_coloring, run_chain
+from prf.model.window import Window
 from prf.sampler import Sampler
 from prf.sampler.chain import ChainSampler
+from prf.sampler.posterior import Settings, make_chain
 from prf.sampler.targets import EVEN, NEVER, TURN, TURNS, Doubts, Focus, aim, focus_of, target_of_beams, unexplained
-from prf.shell.seeds import spawn_generators
-from prf.window import Window
+from prf.shell.cli.seeds import spawn_generators
 from tests.reference.beams import Sensor
 from tests.reference.recompute import differences
 from tests.reference.worlds import draw_world

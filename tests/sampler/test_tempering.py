@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from prf.arak import exact_draws
-from prf.coloring import Coloring, black_at
 from prf.configuration import Configuration
-from prf.convergence import disagree, worst_rhat
 from prf.kernels import constants as c
-from prf.layout import pixel_centres
-from prf.posterior import Settings, make_chain
+from prf.model.arak import exact_draws
+from prf.model.coloring import Coloring, black_at
+from prf.model.layout import pixel_centres
+from prf.model.window import Window
+from prf.results.convergence import disagree, worst_rhat
 from prf.sampler import Sampler
 from prf.sampler import chains as sampler_chains
 from prf.sampler import tempering as module
@@ -23,10 +23,10 @@ from prf.sampler.chain import LONGEST_BLOCK
 from prf.sampler.chain_map import exchanged, occupied_cost, penalised_log_likelihood, repaint, with_map
 from prf.sampler.chains import FIRST_LOOK, is_look
 from prf.sampler.checkpoint import load_checkpoint, save_checkpoint
+from prf.sampler.posterior import Settings, make_chain
 from prf.sampler.prepare import ladder_plan
 from prf.sampler.tempering import AUTO_TEMPERATURES, Ladder, LadderPlan, Tempering, even_powers, stretched_powers
-from prf.shell.seeds import spawn_generators
-from prf.window import Window
+from prf.shell.cli.seeds import spawn_generators
 from tests.reference.beams import Sensor
 from tests.reference.chain_state import digest, structural_faults
 from tests.reference.recompute import differences

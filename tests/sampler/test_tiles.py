@@ -8,21 +8,21 @@ import numpy as np
 import pytest
 
 import prf.sampler.tiles.partition as schedule
-from prf.arak import exact_draws
-from prf.coloring import violations
 from prf.kernels import constants as c
-from prf.kernels.chain import Chain
-from prf.kernels.targets import Targets
-from prf.layout import image_grid, read_coloring, run_chain
-from prf.posterior import Settings, make_chain
+from prf.kernels.state.chain import Chain
+from prf.kernels.state.targets import Targets
+from prf.model.arak import exact_draws
+from prf.model.coloring import violations
+from prf.model.layout import image_grid, read_coloring, run_chain
+from prf.model.window import Window
 from prf.sampler import Sampler
+from prf.sampler.posterior import Settings, make_chain
 from prf.sampler.record import functionals
 from prf.sampler.tiles.part import cut_targets, make_part
 from prf.sampler.tiles.partition import random_tiles
 from prf.sampler.tiles.rounds import Round, TileData, make_round, make_tile_data
 from prf.sampler.tiles.tiled import draw_at, finish_round, work_tile
-from prf.shell.seeds import spawn_generators
-from prf.window import Window
+from prf.shell.cli.seeds import spawn_generators
 from tests.reference.beams import Sensor
 from tests.reference.chain_state import digest, structural_faults
 from tests.reference.recompute import differences, recompute_impacts

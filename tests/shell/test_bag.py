@@ -7,8 +7,8 @@ from unittest import mock
 
 import pytest
 
-from prf.shell.bag import bag_in, bag_suffix, open_bag
 from prf.shell.errors import InputError
+from prf.shell.poses.bag import bag_in, bag_suffix, open_bag
 
 
 @pytest.mark.parametrize(
@@ -50,7 +50,7 @@ def test_a_disk_that_fails_is_not_taken_for_a_damaged_bag(tmp_path: Path, monkey
 
 def test_messages_that_lack_what_their_type_has_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("rosbags.highlevel.AnyReader", mock.MagicMock())
-    monkeypatch.setattr("prf.shell.bag.Bag", mock.MagicMock())
+    monkeypatch.setattr("prf.shell.poses.bag.Bag", mock.MagicMock())
     body = type("sensor_msgs__msg__LaserScan", (), {})()
     words = r"^a log: its sensor_msgs/LaserScan has no range_max\. Record"
     with pytest.raises(InputError, match=words), open_bag(tmp_path, "a log"):

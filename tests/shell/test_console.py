@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from prf.shell import console
-from prf.shell.console import ColorChoice
+from prf.shell.cli import console
+from prf.shell.cli.console import ColorChoice
 
 
 class Terminal(io.StringIO):

@@ -10,7 +10,7 @@ from typing import IO
 
 import pytest
 
-from prf.shell import files
+from prf.shell.cli import files
 from prf.shell.errors import InputError, OutputError
 
 

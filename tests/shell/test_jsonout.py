@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from prf.shell.jsonout import dump_object, emit_object, emit_pieces
+from prf.shell.cli.jsonout import dump_object, emit_object, emit_pieces
 
 
 class Window(NamedTuple):

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from prf.shell.cli.manifest import describe_input, describe_process, versions
 from prf.shell.errors import InputError
-from prf.shell.manifest import describe_input, describe_process, versions
 
 
 def test_input_is_named_by_its_digest(tmp_path: Path) -> None:

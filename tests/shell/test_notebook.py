@@ -10,8 +10,8 @@ from types import SimpleNamespace
 import pytest
 from PIL import Image
 
-from prf.shell import console
-from prf.shell.notebook import card, reported
+from prf.shell.cli import console
+from prf.shell.cli.notebook import card, reported
 
 
 def test_a_callable_receives_shares_and_words() -> None:

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from prf.shell.options import parse_duration
+from prf.shell.cli.options import parse_duration
 
 
 @pytest.mark.parametrize(

@@ -9,13 +9,13 @@ from pathlib import Path
 
 import pytest
 
+from prf.shell.cli.outputs import claim_output, exclusive, refuse_existing, refuse_other_format, release_claims
 from prf.shell.errors import OutputError, OutputExists, UsageError
-from prf.shell.outputs import claim_output, exclusive, refuse_existing, refuse_other_format, release_claims
 from tests.cli.calls import call
 
 HOLD = """
 import sys
-from prf.shell.outputs import exclusive
+from prf.shell.cli.outputs import exclusive
 with exclusive(sys.argv[1]):
     print("held", flush=True)
     sys.stdin.read()

@@ -3,7 +3,7 @@ from __future__ import annotations
 import io
 from pathlib import Path
 
-from prf.shell.pictures import new_page, save
+from prf.shell.cli.pictures import new_page, save
 
 
 def test_letters_that_no_font_has_are_written_as_escapes(tmp_path: Path) -> None:

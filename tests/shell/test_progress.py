@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from prf.shell import console, progress
+from prf.shell.cli import console, progress
 
 
 @pytest.fixture(autouse=True)

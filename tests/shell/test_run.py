@@ -16,7 +16,7 @@ VERB = '''
 from typing import Annotated
 import typer
 from prf.shell import errors
-from prf.shell.options import Seed
+from prf.shell.cli.options import Seed
 
 EXAMPLES = ("tool finish well",)
 
@@ -44,8 +44,8 @@ def finish(how: Annotated[str, typer.Argument(metavar="HOW", help="How.")], seed
 '''
 TOOL = """
 import sys
-from prf.shell.app import make_app
-from prf.shell.run import run_app
+from prf.shell.cli.app import make_app
+from prf.shell.cli.run import run_app
 app = make_app("tool", "1.2", "A tool.", "verbs", {"finish": "End.", "ros-map": "Other."})
 sys.exit(run_app(app, "tool"))
 """

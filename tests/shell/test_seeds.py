@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from prf.shell.cli.seeds import resolve_seed, spawn_generators
 from prf.shell.errors import UsageError
-from prf.shell.seeds import resolve_seed, spawn_generators
 
 
 def test_a_given_seed_stays_and_an_absent_one_is_drawn() -> None:

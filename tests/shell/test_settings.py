@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 import mapq.configuration
 from prf.configuration import Configuration
+from prf.shell.cli.settings import Tree, described_text, load, preset_names, preset_text, read_preset, settings_text
 from prf.shell.errors import ConfigError, InputError, UsageError
-from prf.shell.settings import Tree, described_text, load, preset_names, preset_text, read_preset, settings_text
 
 TREES: list[type[Tree]] = [Configuration, mapq.configuration.Configuration]
 PRESETS = [(tree, name) for tree in TREES for name in preset_names(tree)]

@@ -6,8 +6,8 @@ import threading
 
 import pytest
 
+from prf.shell.cli.signals import graceful_stop
 from prf.shell.errors import Interrupted
-from prf.shell.signals import graceful_stop
 
 
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])

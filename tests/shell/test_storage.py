@@ -8,8 +8,8 @@ import zipfile
 import numpy as np
 import pytest
 
+from prf.shell.cli.storage import load_arrays, load_object
 from prf.shell.errors import InputError
-from prf.shell.storage import load_arrays, load_object
 
 SCHEMA = "prf.some/1"
 

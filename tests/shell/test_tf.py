@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from prf.shell.tf import Tree
+from prf.shell.poses.tf import Tree
 
 
 def test_a_mount_that_never_changes_holds_at_all_times() -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from prf.shell.errors import InputError
-from prf.shell.trajectory import read_trajectory
+from prf.shell.poses.trajectory import read_trajectory
 from tests.mapq.perturb.scenes import pose_at
 
 POSES = np.array([pose_at(1.0, 2.0, 30.0), pose_at(-4.0, 5.0, -100.0)])

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from prf.kernels._jit import CACHE
-from prf.shell import console
+from prf.shell.cli import console
 from tests.cli.calls import call
 
 

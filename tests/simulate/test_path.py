@@ -11,11 +11,11 @@ import shapely
 from scipy.sparse import csgraph
 from shapely import box
 
+from prf.model.window import Window
 from prf.shell.errors import InputError
 from prf.simulate import Spacing, World, office, plan_drive, roadmap, scans_along
 from prf.simulate.path import SPEED, TURNING, PathFile, read_path
 from prf.simulate.roadmap import short_tour, viewpoints
-from prf.window import Window
 
 RADIUS = 0.25
 REACH = 2.5

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import shapely
 
-from prf.coloring import violations
+from prf.model.coloring import violations
 from prf.shell.errors import ConfigError
 from prf.simulate import World, office, roadmap
 from prf.simulate.plans import MARGIN, draft_office

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from prf.logs import read_readings
-from prf.run import read_map_feature
+from prf.readings import read_readings
+from prf.results import read_map_feature
 from prf.shell.errors import ConfigError, InputError
 from prf.simulate import LaserPhysics, SimulateConfig, simulate, summary, write_simulation
 from prf.simulate.simulation import MIN_ROOM

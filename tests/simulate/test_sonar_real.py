@@ -12,7 +12,7 @@ import shapely
 from numpy.typing import NDArray
 
 from prf.simulate.sonar import SonarPhysics, simulate_sonar
-from tests.logs.sonar_sets import ARENA_POSITIONS, CORRIDOR_BEARINGS, arena_readings, corridor8_readings
+from tests.readings.sonar_sets import ARENA_POSITIONS, CORRIDOR_BEARINGS, arena_readings, corridor8_readings
 
 Floats = NDArray[np.float64]
 

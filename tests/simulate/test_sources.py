@@ -10,17 +10,17 @@ import pytest
 import shapely
 from shapely import MultiPolygon, Polygon, box
 
-from prf.arak import exact_draws, expected_edges
-from prf.coloring import violations
-from prf.export.cells import Cells, rasterise
-from prf.export.ros_map import ros_map
-from prf.run.mapfile import map_text
-from prf.score.polygons import outline_of_cells
+from prf.model.arak import exact_draws, expected_edges
+from prf.model.coloring import violations
+from prf.model.window import Window
+from prf.output.export.cells import Cells, rasterise
+from prf.output.export.ros_map import ros_map
+from prf.results.mapfile import map_text
+from prf.results.score.polygons import outline_of_cells
 from prf.shell.errors import InputError
 from prf.simulate import World, draw_world, office, read_world, roadmap
 from prf.simulate.sources import CellMap, _joined, read_cell_map, world_of_cells
-from prf.window import Window
-from tests.export.map_server import load
+from tests.output.export.map_server import load
 from tests.reference.slow_coloring import edge_set
 
 WINDOW = Window(-4.0, 2.0, 6.0, 10.0)

@@ -7,12 +7,12 @@ import pytest
 import shapely
 from shapely import MultiPolygon, Polygon, box
 
-from prf.arak import exact_draws
-from prf.coloring import Coloring
+from prf.model.arak import exact_draws
+from prf.model.coloring import Coloring
+from prf.model.window import Window
 from prf.shell.errors import InputError
 from prf.simulate import World
 from prf.simulate.world import without_straight
-from prf.window import Window
 from tests.reference.slow_coloring import edge_set
 
 ROOM = Window(0.0, 0.0, 10.0, 8.0)

@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from prf.logs import read_readings
-from prf.logs.carmen import read_carmen
-from prf.logs.describe import default_max_range
-from prf.logs.poses import CONE, PIONEER, mounted
-from prf.logs.table import read_table
-from prf.shell.trajectory import read_trajectory
+from prf.readings import read_readings
+from prf.readings.carmen import read_carmen
+from prf.readings.describe import default_max_range
+from prf.readings.poses import CONE, PIONEER, mounted
+from prf.readings.table import read_table
+from prf.shell.poses.trajectory import read_trajectory
 from prf.simulate import LaserPhysics, Scans, SimulateConfig, simulate, write_simulation
 from prf.simulate.sonar import SonarPhysics
 from prf.simulate.write import carmen_lines, no_return_number, path_lines, pose_lines, sonar_lines, tum_lines

@@ -7,13 +7,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from prf.arak import exact_draws
-from prf.coloring import Coloring, Draws, black_areas, black_at_draws
 from prf.kernels import constants as c
-from prf.kernels.build import recompute_sums
-from prf.layout import make_guards, read_coloring, run_chain
-from prf.posterior import Settings, make_chain
-from prf.window import Window
+from prf.kernels.state.build import recompute_sums
+from prf.model.arak import exact_draws
+from prf.model.coloring import Coloring, Draws, black_areas, black_at_draws
+from prf.model.layout import make_guards, read_coloring, run_chain
+from prf.model.window import Window
+from prf.sampler.posterior import Settings, make_chain
 from tests.reference.free_way import obstacles
 
 Floats = NDArray[np.float64]

@@ -7,8 +7,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from prf.coloring import Draws
-from prf.window import INTERIOR, Window
+from prf.model.coloring import Draws
+from prf.model.window import INTERIOR, Window
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -12,15 +12,15 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from prf.arak import exact_draws
-from prf.coloring import Coloring, black_at
 from prf.kernels import constants as c
-from prf.kernels.chain import Chain
-from prf.layout import read_coloring
-from prf.posterior import LaserData, Settings, make_chain
+from prf.kernels.state.chain import Chain
+from prf.model.arak import exact_draws
+from prf.model.coloring import Coloring, black_at
+from prf.model.layout import read_coloring
+from prf.model.window import INTERIOR, Window
+from prf.sampler.posterior import LaserData, Settings, make_chain
 from prf.sampler.tiles.rounds import Round, TileData, make_round, make_tile_data
 from prf.sampler.tiles.tiled import finish_round, work_tile
-from prf.window import INTERIOR, Window
 from tests.reference.beams import Sensor, draw_readings
 from tests.reference.slow_points import Flips, observe
 from tests.reference.slow_sonar import Ring

@@ -13,9 +13,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from prf import arak
-from prf.coloring import Draws, black_areas, black_at_draws
-from prf.window import INTERIOR, LEFT, SIDE_NAMES, SIDES, Window
+from prf.model import arak
+from prf.model.coloring import Draws, black_areas, black_at_draws
+from prf.model.window import INTERIOR, LEFT, SIDE_NAMES, SIDES, Window
 from tests.reference import arak_laws
 from tests.statistical.flat import Flat, Floats
 

@@ -6,13 +6,13 @@ import numpy as np
 
 from prf.kernels import constants as c
 from prf.kernels._jit import Rng, core, jit
-from prf.kernels.chain import Chain
-from prf.kernels.edge_index import EdgeIndex
-from prf.kernels.graph import Graph
-from prf.kernels.pose_match import match_pose
-from prf.kernels.pose_moves import move_pose, move_stretch
-from prf.kernels.poses import BEND, MATCH, SHIFT, WALK, Poses
-from prf.kernels.warp import warp
+from prf.kernels.poses.match import match_pose
+from prf.kernels.poses.moves import move_pose, move_stretch
+from prf.kernels.poses.state import BEND, MATCH, SHIFT, WALK, Poses
+from prf.kernels.poses.warp import warp
+from prf.kernels.state.chain import Chain
+from prf.kernels.state.edge_index import EdgeIndex
+from prf.kernels.state.graph import Graph
 from tests.reference.pose_worlds import PoseWorld, begin, scratch
 
 

@@ -14,12 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 import prf
-from prf import layout
-from prf.coloring import Draws, black_areas, black_at
 from prf.kernels import constants as c
-from prf.kernels.chain import Chain
-from prf.kernels.poses import POSE_MOVES
-from prf.layout import read_coloring
+from prf.kernels.poses.state import POSE_MOVES
+from prf.kernels.state.chain import Chain
+from prf.model import layout
+from prf.model.coloring import Draws, black_areas, black_at
+from prf.model.layout import read_coloring
 from prf.poses.plane import seen_from, wrapped
 from prf.sampler.poses import PoseTurns
 from tests.reference import pose_worlds

@@ -14,12 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 import prf
-from prf.coloring import Coloring, Draws
 from prf.kernels import constants as c
 from prf.kernels.step import run
-from prf.layout import grow, make_targets, read_coloring
-from prf.posterior import Settings, make_chain
-from prf.window import Window
+from prf.model.coloring import Coloring, Draws
+from prf.model.layout import grow, make_targets, read_coloring
+from prf.model.window import Window
+from prf.sampler.posterior import Settings, make_chain
 from tests.statistical.laws import law_scores
 
 UNIT = Window(0.0, 0.0, 1.0, 1.0)

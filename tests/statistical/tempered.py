@@ -11,16 +11,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from prf.arak import exact_draws
-from prf.coloring import Coloring, black_at
 from prf.kernels import constants as c
-from prf.kernels.chain import Chain
-from prf.layout import read_coloring
-from prf.posterior import LaserData, Settings, make_chain
+from prf.kernels.state.chain import Chain
+from prf.model.arak import exact_draws
+from prf.model.coloring import Coloring, black_at
+from prf.model.laser import LaserModel
+from prf.model.layout import read_coloring
+from prf.model.window import Window
 from prf.sampler.chain_map import with_map
+from prf.sampler.posterior import LaserData, Settings, make_chain
 from prf.sampler.tempering import LadderPlan, Tempering
-from prf.sensors.laser import LaserModel
-from prf.window import Window
 
 Floats = NDArray[np.float64]
 

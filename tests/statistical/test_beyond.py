@@ -12,17 +12,16 @@ import shapely
 from numpy.typing import NDArray
 from scipy import stats
 
-from prf import posterior
-from prf.arak import exact_draws
-from prf.coloring import Coloring, black_at, black_at_draws
-from prf.coloring.polygons import from_polygons, occupied_polygons
 from prf.kernels import constants as c
-from prf.posterior import LaserData, Settings, SonarData
-from prf.sampler import Sampler
-from prf.sensors.laser import LaserModel, make_rays
-from prf.sensors.sonar import SonarModel, make_poses
-from prf.shell.seeds import spawn_generators
-from prf.window import Window
+from prf.model.arak import exact_draws
+from prf.model.coloring import Coloring, black_at, black_at_draws
+from prf.model.coloring.polygons import from_polygons, occupied_polygons
+from prf.model.laser import LaserModel, make_rays
+from prf.model.sonar import SonarModel, make_poses
+from prf.model.window import Window
+from prf.sampler import Sampler, posterior
+from prf.sampler.posterior import LaserData, Settings, SonarData
+from prf.shell.cli.seeds import spawn_generators
 from tests.reference.beams import Sensor, draw_readings, impacts
 from tests.reference.slow_sonar import Cone, Ring
 from tests.reference.sonar_worlds import draw_data, ring_all_round

@@ -16,12 +16,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from prf.coloring import Coloring, Draws, black_at, black_at_draws
-from prf.posterior import LaserData, Settings, SonarData
+from prf.model.coloring import Coloring, Draws, black_at, black_at_draws
+from prf.model.window import Window
 from prf.sampler import Sampler
+from prf.sampler.posterior import LaserData, Settings, SonarData
 from prf.sampler.tempering import LadderPlan
-from prf.shell.seeds import spawn_generators
-from prf.window import Window
+from prf.shell.cli.seeds import spawn_generators
 from tests.reference.beams import Sensor
 from tests.reference.slow_sonar import Ring
 from tests.reference.sonar_worlds import draw_sonar_world

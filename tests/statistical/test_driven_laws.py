@@ -14,8 +14,8 @@ import pytest
 import shapely
 
 import prf.sampler.tiles.part as part
-from prf.coloring import Draws
-from prf.posterior import Settings
+from prf.model.coloring import Draws
+from prf.sampler.posterior import Settings
 from tests.reference.free_way import obstacles, pieces
 from tests.statistical import driven, tiled
 from tests.verify.problems import NAMES, driven_problem, values

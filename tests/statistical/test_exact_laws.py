@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from prf.arak import exact_draws
-from prf.coloring import Draws, violations
-from prf.window import Window
+from prf.model.arak import exact_draws
+from prf.model.coloring import Draws, violations
+from prf.model.window import Window
 from tests.reference.naive_particles import naive_draws
 from tests.statistical.laws import LawScores, law_scores, residuals
 
@@ -95,7 +95,7 @@ def test_batches_undo_repeated_draws() -> None:
 
 def test_a_sub_window_of_a_field_is_a_field() -> None:
     """Consistency: colours in a part of a large window follow the same laws (the same line of points, far inside)."""
-    from prf.coloring import black_at_draws
+    from prf.model.coloring import black_at_draws
     from tests.reference.arak_laws import same_colour_probability
 
     draws = exact_draws(0.5, ROOM, 2000, np.random.default_rng(SEED))

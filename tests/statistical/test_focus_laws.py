@@ -8,18 +8,18 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from prf.arak import exact_draws
-from prf.coloring import Coloring, Draws, black_at
 from prf.kernels import constants as c
-from prf.kernels.build import recompute_sums
-from prf.kernels.chain import Chain
-from prf.layout import make_graph, make_targets, read_coloring
-from prf.posterior import LaserData, Settings, make_chain
+from prf.kernels.state.build import recompute_sums
+from prf.kernels.state.chain import Chain
+from prf.model.arak import exact_draws
+from prf.model.coloring import Coloring, Draws, black_at
+from prf.model.laser import LaserModel
+from prf.model.layout import make_graph, make_targets, read_coloring
+from prf.model.window import Window
 from prf.sampler import targets as focusing
 from prf.sampler.chain_map import with_graph
+from prf.sampler.posterior import LaserData, Settings, make_chain
 from prf.sampler.targets import Focus
-from prf.sensors.laser import LaserModel
-from prf.window import Window
 from tests.statistical.driven import Mean, batch_means, weighted_mean, z_scores
 from tests.statistical.laws import LawScores, law_scores
 

@@ -7,11 +7,11 @@ import dataclasses
 import numpy as np
 import pytest
 
-from prf.coloring import Coloring
 from prf.kernels.step import run
-from prf.layout import grow, read_coloring
-from prf.posterior import Settings, make_chain
-from prf.sensors.laser import deal_levels
+from prf.model.coloring import Coloring
+from prf.model.laser import deal_levels
+from prf.model.layout import grow, read_coloring
+from prf.sampler.posterior import Settings, make_chain
 from tests.statistical.tempered import N_BATCHES, WINDOW, Floats, blunt_settings, exact_means, exact_values, functionals
 
 SPACING, N_SAMPLES, N_EXACT = 100, 60_000, 40_000

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from prf.coloring import Coloring, Draws, violations
 from prf.kernels import constants as c
-from prf.kernels.build import recompute_sums
+from prf.kernels.state.build import recompute_sums
 from prf.kernels.step import run
-from prf.layout import grow, make_targets
-from prf.posterior import Settings, make_chain
+from prf.model.coloring import Coloring, Draws, violations
+from prf.model.layout import grow, make_targets
+from prf.model.window import Window
 from prf.sampler import mcmc_draws
-from prf.window import Window
+from prf.sampler.posterior import Settings, make_chain
 from tests.statistical.laws import LawScores, law_scores
 
 SEED = 20050726

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from benchmarks import multimodal
-from prf.coloring import Draws, black_at
 from prf.kernels import constants as c
-from prf.logs import read_readings
-from prf.posterior import make_chain
+from prf.model.coloring import Draws, black_at
+from prf.readings import read_readings
+from prf.sampler.posterior import make_chain
 
 SEED = 1
 

@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from prf.arak import exact_draws
-from prf.coloring import Coloring, Draws, black_areas, black_at, black_at_draws
-from prf.posterior import PointData, Settings
-from prf.window import Window
+from prf.model.arak import exact_draws
+from prf.model.coloring import Coloring, Draws, black_areas, black_at, black_at_draws
+from prf.model.window import Window
+from prf.sampler.posterior import PointData, Settings
 from tests.reference.slow_points import Flips, Normal, lattice, observe
 from tests.statistical.test_calibration import Answer, calibrate, sampled
 

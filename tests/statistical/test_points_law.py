@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from prf.arak import exact_draws
-from prf.coloring import Draws, black_at_draws
 from prf.kernels.step import run
-from prf.layout import grow, read_coloring
-from prf.posterior import PointData, Settings, make_chain, one_colour_map
-from prf.window import Window
+from prf.model.arak import exact_draws
+from prf.model.coloring import Draws, black_at_draws
+from prf.model.layout import grow, read_coloring
+from prf.model.window import Window
+from prf.sampler.posterior import PointData, Settings, make_chain, one_colour_map
 from tests.reference.slow_points import Flips, Normal
 
 SEED = 20261121

@@ -15,12 +15,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from prf.coloring import Draws, black_areas, black_at_draws
 from prf.kernels import constants as c
+from prf.model.coloring import Draws, black_areas, black_at_draws
+from prf.model.window import Window
 from prf.poses.plane import wrapped
-from prf.posterior import Settings
 from prf.sampler import Sampler, poses
-from prf.window import Window
+from prf.sampler.posterior import Settings
 from tests.reference.beams import Sensor
 from tests.reference.pose_worlds import BOTH, DRIVEN, PoseWorld, Rig, begin, draw_pose_world
 from tests.verify.ranks import make_band, rank_of

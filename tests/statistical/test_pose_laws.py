@@ -10,11 +10,11 @@ import pytest
 from numpy.typing import NDArray
 from scipy import stats
 
-from prf.coloring import Coloring, black_at
-from prf.kernels.poses import BEND, MATCH, SHIFT, WALK, WARP
+from prf.kernels.poses.state import BEND, MATCH, SHIFT, WALK, WARP
+from prf.model.coloring import Coloring, black_at
 from prf.poses.model import PosePrior
 from prf.poses.plane import compose, seen_from, wrapped
-from prf.posterior import LaserData
+from prf.sampler.posterior import LaserData
 from tests.reference.beams import Sensor
 from tests.reference.pose_worlds import BARE, BOTH, DRIVEN, LASER, ROOM, PoseWorld, Rig, begin, draw_pose_world
 from tests.statistical import mutants, pose_doors

@@ -11,17 +11,17 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from prf.arak import exact_draws
-from prf.coloring import Coloring, Draws, black_at_draws
 from prf.kernels import constants as c
-from prf.kernels.build import recompute_sums
-from prf.layout import make_graph, read_coloring, run_chain
-from prf.posterior import LaserData, Settings, make_chain
+from prf.kernels.state.build import recompute_sums
+from prf.model.arak import exact_draws
+from prf.model.coloring import Coloring, Draws, black_at_draws
+from prf.model.laser import LaserModel
+from prf.model.layout import make_graph, read_coloring, run_chain
+from prf.model.window import INTERIOR, Window
 from prf.sampler.chain import ChainSampler
 from prf.sampler.chain_map import with_graph
+from prf.sampler.posterior import LaserData, Settings, make_chain
 from prf.sampler.prior_ground import PriorGround, edge_density
-from prf.sensors.laser import LaserModel
-from prf.window import INTERIOR, Window
 from tests.reference.free_way import is_free
 from tests.statistical.driven import NAMES, ROOM, Mean, batch_means, values, weighted_mean, z_scores
 

@@ -12,13 +12,13 @@ import pytest
 import prf.sampler.tiles.part as part
 import prf.sampler.tiles.partition as schedule
 import prf.sampler.tiles.rounds as rounds
-from prf.coloring import Coloring, Draws
-from prf.kernels.chain import Chain
-from prf.kernels.grid import Grid
-from prf.layout import read_coloring
-from prf.posterior import Settings
+from prf.kernels.state.chain import Chain
+from prf.kernels.state.grid import Grid
+from prf.model.coloring import Coloring, Draws
+from prf.model.layout import read_coloring
+from prf.model.window import Window
+from prf.sampler.posterior import Settings
 from prf.sampler.tiles.rounds import Round, TileData
-from prf.window import Window
 from tests.statistical import joint, mutants, tiled
 from tests.statistical.laws import law_scores
 from tests.statistical.test_calibration import STAGES, laser_problem, run_worlds

@@ -11,15 +11,15 @@ import sys
 import numpy as np
 
 import prf
-from prf.coloring import Coloring, Draws
 from prf.kernels import constants as c
-from prf.kernels.build import recompute_sums
+from prf.kernels.state.build import recompute_sums
 from prf.kernels.step import run
-from prf.layout import grow, read_coloring
-from prf.posterior import Settings, make_chain
+from prf.model.coloring import Coloring, Draws
+from prf.model.layout import grow, read_coloring
+from prf.model.window import Window
+from prf.sampler.posterior import Settings, make_chain
 from prf.sampler.tiles.rounds import make_round, make_tile_data
 from prf.sampler.tiles.tiled import finish_round, work_tile
-from prf.window import Window
 from tests.statistical.laws import law_scores
 
 ROOM = Window(-5.0, -5.0, 5.0, 5.0)

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from prf.arak import exact_draws
-from prf.coloring import Coloring, Draws
-from prf.layout import read_coloring, run_chain
-from prf.posterior import Settings, make_chain
+from prf.model.arak import exact_draws
+from prf.model.coloring import Coloring, Draws
+from prf.model.layout import read_coloring, run_chain
+from prf.sampler.posterior import Settings, make_chain
 from tests.reference.free_way import is_free
 from tests.statistical import mutants
 from tests.verify.problems import PROBLEMS

@@ -17,16 +17,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from prf.coloring import Coloring, Draws
 from prf.kernels import constants as c
-from prf.kernels.build import recompute_sums
-from prf.kernels.chain import Chain
-from prf.layout import read_coloring, run_chain
-from prf.posterior import Settings, make_chain
+from prf.kernels.state.build import recompute_sums
+from prf.kernels.state.chain import Chain
+from prf.model.coloring import Coloring, Draws
+from prf.model.layout import read_coloring, run_chain
+from prf.sampler.posterior import Settings, make_chain
 from prf.sampler.tempering import LadderPlan, Tempering
 from prf.sampler.tiles.rounds import make_round, make_tile_data
 from prf.sampler.tiles.tiled import finish_round, work_tile
-from prf.shell.progress import progress
+from prf.shell.cli.progress import progress
 from tests.verify.check import Check
 from tests.verify.problems import from_map, names
 from tests.verify.station import Station

@@ -14,13 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from prf.coloring import Draws, black_at_draws
-from prf.convergence import diagnose
-from prf.posterior import Settings
+from prf.model.coloring import Draws, black_at_draws
+from prf.model.window import Window
+from prf.results.convergence import diagnose
 from prf.sampler import Sampler
+from prf.sampler.posterior import Settings
 from prf.sampler.tempering import LadderPlan
-from prf.shell.progress import progress
-from prf.window import Window
+from prf.shell.cli.progress import progress
 from tests.reference.disagreement_loops import sample
 from tests.verify.check import Check
 from tests.verify.problems import from_map

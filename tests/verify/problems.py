@@ -13,12 +13,12 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from prf.arak import exact_draws
-from prf.coloring import Coloring, Draws, black_areas, black_at_draws
-from prf.layout import make_graph
-from prf.posterior import LaserData, Settings, make_chain
+from prf.model.arak import exact_draws
+from prf.model.coloring import Coloring, Draws, black_areas, black_at_draws
+from prf.model.layout import make_graph
+from prf.model.window import Window
 from prf.sampler.chain_map import with_graph
-from prf.window import Window
+from prf.sampler.posterior import LaserData, Settings, make_chain
 from tests.reference.beams import Sensor, draw_readings, impacts
 from tests.reference.free_way import is_free
 from tests.reference.slow_sonar import Ring

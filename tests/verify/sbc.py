@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from prf.posterior import Settings
-from prf.shell.progress import progress
+from prf.sampler.posterior import Settings
+from prf.shell.cli.progress import progress
 from tests.verify.check import Check
 from tests.verify.problems import NAMES, PROBLEMS, DrawProblem, values
 from tests.verify.ranks import Verdict, make_band, rank_of

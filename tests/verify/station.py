@@ -8,10 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from prf.arak import exact_draws
-from prf.coloring import Coloring, black_at
-from prf.posterior import LaserData, Settings
-from prf.window import Window
+from prf.model.arak import exact_draws
+from prf.model.coloring import Coloring, black_at
+from prf.model.window import Window
+from prf.sampler.posterior import LaserData, Settings
 from tests.reference import beams, slow_points, slow_sonar
 from tests.reference.sonar_worlds import draw_data
 from tests.reference.worlds import model_of

@@ -8,10 +8,10 @@ import math
 import numpy as np
 import pytest
 
-from prf.arak import exact_draws
-from prf.coloring import Coloring, Draws, black_at
-from prf.coloring.validity import violations
-from prf.window import Window
+from prf.model.arak import exact_draws
+from prf.model.coloring import Coloring, Draws, black_at
+from prf.model.coloring.validity import violations
+from prf.model.window import Window
 from tests.reference import disagreement_loops as loops
 from tests.statistical.laws import LawScores, law_scores
 

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from prf.coloring import Coloring
 from prf.kernels.step import run
-from prf.layout import grow, read_coloring
-from prf.posterior import make_chain
+from prf.model.coloring import Coloring
+from prf.model.layout import grow, read_coloring
+from prf.sampler.posterior import make_chain
 from tests.reference.free_way import is_free
 from tests.verify import ways
 from tests.verify.__main__ import main

@@ -14,14 +14,14 @@ from unittest import mock
 import numpy as np
 from numpy.typing import NDArray
 
-from prf.arak import exact_draws
-from prf.coloring import Coloring, Draws
-from prf.convergence import diagnose
-from prf.kernels.chain import Chain
-from prf.layout import read_coloring, run_chain
-from prf.posterior import Settings, make_chain
+from prf.kernels.state.chain import Chain
+from prf.model.arak import exact_draws
+from prf.model.coloring import Coloring, Draws
+from prf.model.layout import read_coloring, run_chain
+from prf.results.convergence import diagnose
 from prf.sampler import Sampler
 from prf.sampler.chain_map import with_map
+from prf.sampler.posterior import Settings, make_chain
 from prf.sampler.tempering import LadderPlan
 from prf.sampler.tiles import partition as schedule
 from prf.sampler.tiles import tiled

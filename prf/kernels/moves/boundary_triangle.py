@@ -3,12 +3,12 @@
 import math
 
 from prf.kernels import constants as c
-from prf.kernels import proposal as edit
 from prf.kernels._jit import Array, Rng, core
-from prf.kernels.graph import Graph, distance, edges_at, neighbors_of, pick
 from prf.kernels.moves import placing
 from prf.kernels.moves.interior_triangle import uniform_vertex, vertex_near
-from prf.kernels.proposal import ILLEGAL, Densities, Proposal
+from prf.kernels.state import proposal as edit
+from prf.kernels.state.graph import Graph, distance, edges_at, neighbors_of, pick
+from prf.kernels.state.proposal import ILLEGAL, Densities, Proposal
 
 
 @core

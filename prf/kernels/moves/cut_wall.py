@@ -9,11 +9,7 @@ reward.
 import math
 
 from prf.kernels import constants as c
-from prf.kernels import proposal as edit
 from prf.kernels._jit import Array, Rng, core
-from prf.kernels.edge_index import EdgeIndex
-from prf.kernels.graph import Graph, beyond, can_join, ends_of, pick
-from prf.kernels.grid import Grid
 from prf.kernels.moves import placing
 from prf.kernels.moves.nearby_edges import (
     Block,
@@ -24,7 +20,11 @@ from prf.kernels.moves.nearby_edges import (
     list_near,
     pick_pair,
 )
-from prf.kernels.proposal import ILLEGAL, N_NEW_EDGES, N_OLD_EDGES, Densities, Proposal
+from prf.kernels.state import proposal as edit
+from prf.kernels.state.edge_index import EdgeIndex
+from prf.kernels.state.graph import Graph, beyond, can_join, ends_of, pick
+from prf.kernels.state.grid import Grid
+from prf.kernels.state.proposal import ILLEGAL, N_NEW_EDGES, N_OLD_EDGES, Densities, Proposal
 
 CUT_RADIUS = 1
 """The other face of a wall is searched in a square of cells that reaches so many beyond the middle of the cut."""

@@ -7,11 +7,11 @@ reaches out of the window is so added and removed in one step.
 import math
 
 from prf.kernels import constants as c
-from prf.kernels import proposal as edit
 from prf.kernels._jit import Array, Rng, core
-from prf.kernels.graph import Graph, can_join, ends_of, other_end, pick, pick_two
 from prf.kernels.moves.placing import is_on_side, position_of, side_point, signed_density, signed_reach
-from prf.kernels.proposal import ILLEGAL, Densities, Proposal
+from prf.kernels.state import proposal as edit
+from prf.kernels.state.graph import Graph, can_join, ends_of, other_end, pick, pick_two
+from prf.kernels.state.proposal import ILLEGAL, Densities, Proposal
 
 
 @core

@@ -3,12 +3,20 @@
 import math
 
 from prf.kernels import constants as c
-from prf.kernels import proposal as edit
 from prf.kernels._jit import Array, Rng, core
-from prf.kernels.graph import Graph, distance, edges_at, neighbors_of, outer_edge, pick
 from prf.kernels.moves import placing
-from prf.kernels.proposal import ILLEGAL, Densities, Proposal
-from prf.kernels.targets import Targets, first_density, pick_near, pick_target, point_in, second_density, target_of
+from prf.kernels.state import proposal as edit
+from prf.kernels.state.graph import Graph, distance, edges_at, neighbors_of, outer_edge, pick
+from prf.kernels.state.proposal import ILLEGAL, Densities, Proposal
+from prf.kernels.state.targets import (
+    Targets,
+    first_density,
+    pick_near,
+    pick_target,
+    point_in,
+    second_density,
+    target_of,
+)
 
 N_SIZES = 3
 SHRINKING = 0.3

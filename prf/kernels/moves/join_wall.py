@@ -8,13 +8,13 @@ q may as well have been corners on uv to which a and b were joined: densities co
 import math
 
 from prf.kernels import constants as c
-from prf.kernels import proposal as edit
 from prf.kernels._jit import Array, Rng, core
-from prf.kernels.edge_index import EdgeIndex
-from prf.kernels.graph import Graph, beyond, can_join, ends_of, is_removable, other_end
 from prf.kernels.moves.nearby_edges import links_after, links_now, pick_pair
 from prf.kernels.moves.placing import foot_and_offset, log_or_minus_infinity, place_two, signed_density, signed_reach
-from prf.kernels.proposal import ILLEGAL, Densities, Proposal
+from prf.kernels.state import proposal as edit
+from prf.kernels.state.edge_index import EdgeIndex
+from prf.kernels.state.graph import Graph, beyond, can_join, ends_of, is_removable, other_end
+from prf.kernels.state.proposal import ILLEGAL, Densities, Proposal
 
 # Places of the new edges in a join's proposal, those of u and v and those of a and b, and in a parting's.
 FIRST_LINK = 0

@@ -6,10 +6,10 @@ the index, without the edges that the proposal removes and with those that it ad
 
 from prf.kernels import constants as c
 from prf.kernels._jit import Array, Rng, core
-from prf.kernels.edge_index import EdgeIndex
-from prf.kernels.graph import Graph, pick
-from prf.kernels.grid import Grid, axis_index, walk
-from prf.kernels.proposal import N_NEW_EDGES, N_OLD_EDGES, Proposal, new_ends
+from prf.kernels.state.edge_index import EdgeIndex
+from prf.kernels.state.graph import Graph, pick
+from prf.kernels.state.grid import Grid, axis_index, walk
+from prf.kernels.state.proposal import N_NEW_EDGES, N_OLD_EDGES, Proposal, new_ends
 
 Block = tuple[int, int, int, int]
 """First and last column, first and last row of cells."""

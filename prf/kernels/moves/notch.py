@@ -8,14 +8,14 @@ niche has two.
 import math
 
 from prf.kernels import constants as c
-from prf.kernels import proposal as edit
 from prf.kernels._jit import Array, Rng, core
-from prf.kernels.edge_index import EdgeIndex
-from prf.kernels.graph import Graph, beyond, can_join, ends_of, is_removable, other_end, outer_edge, pick
 from prf.kernels.moves import placing
 from prf.kernels.moves.nearby_edges import Block, block_at, list_near, share_after
-from prf.kernels.proposal import ILLEGAL, N_OLD_VERTICES, Densities, Proposal
-from prf.kernels.targets import Targets, first_density, pick_target, point_in, target_of
+from prf.kernels.state import proposal as edit
+from prf.kernels.state.edge_index import EdgeIndex
+from prf.kernels.state.graph import Graph, beyond, can_join, ends_of, is_removable, other_end, outer_edge, pick
+from prf.kernels.state.proposal import ILLEGAL, N_OLD_VERTICES, Densities, Proposal
+from prf.kernels.state.targets import Targets, first_density, pick_target, point_in, target_of
 
 NOTCH_RADIUS = 2
 """The wall of a notch is searched in a square of cells that reaches so many to each side of the aimed corner."""

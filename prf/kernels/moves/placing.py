@@ -4,8 +4,8 @@ import math
 
 from prf.kernels import constants as c
 from prf.kernels._jit import Array, Rng, core
-from prf.kernels.graph import Graph
-from prf.kernels.proposal import Proposal, add_vertex
+from prf.kernels.state.graph import Graph
+from prf.kernels.state.proposal import Proposal, add_vertex
 
 
 @core

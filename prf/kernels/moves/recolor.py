@@ -3,12 +3,12 @@
 import math
 
 from prf.kernels import constants as c
-from prf.kernels import proposal as edit
 from prf.kernels._jit import Rng, core
-from prf.kernels.edge_index import EdgeIndex
-from prf.kernels.graph import Graph, are_adjacent, ends_of, on_one_side, pick, pick_two
 from prf.kernels.moves.nearby_edges import neighbors_after, neighbors_now
-from prf.kernels.proposal import ILLEGAL, Densities, Proposal
+from prf.kernels.state import proposal as edit
+from prf.kernels.state.edge_index import EdgeIndex
+from prf.kernels.state.graph import Graph, are_adjacent, ends_of, on_one_side, pick, pick_two
+from prf.kernels.state.proposal import ILLEGAL, Densities, Proposal
 
 
 @core

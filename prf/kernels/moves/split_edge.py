@@ -7,14 +7,14 @@ A corner past the end of an edge, such as one return reveals, needs a vertex who
 import math
 
 from prf.kernels import constants as c
-from prf.kernels import proposal as edit
 from prf.kernels._jit import Array, Rng, core
-from prf.kernels.edge_index import EdgeIndex
-from prf.kernels.graph import Graph, can_join, edges_at, ends_of, neighbors_of, pick
 from prf.kernels.moves.notch import aim_at_wall, share_of_new
 from prf.kernels.moves.placing import beside, beside_density, is_inside, log_or_minus_infinity
-from prf.kernels.proposal import ILLEGAL, Densities, Proposal
-from prf.kernels.targets import Targets, first_density, target_of
+from prf.kernels.state import proposal as edit
+from prf.kernels.state.edge_index import EdgeIndex
+from prf.kernels.state.graph import Graph, can_join, edges_at, ends_of, neighbors_of, pick
+from prf.kernels.state.proposal import ILLEGAL, Densities, Proposal
+from prf.kernels.state.targets import Targets, first_density, target_of
 
 
 @core

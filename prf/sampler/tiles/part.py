@@ -15,25 +15,25 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from prf.coloring import Coloring
-from prf.driven import ways_near
 from prf.kernels import constants as c
-from prf.kernels.beams import Beams, find_aims
-from prf.kernels.build import fill_graph, recompute_sums, trace_all
-from prf.kernels.cell_lists import first_segments
-from prf.kernels.chain import Chain
-from prf.kernels.graph import Graph
-from prf.kernels.grid import ABS_TOL, REL_TOL, Grid, make_grid, most_cells
-from prf.kernels.guards import GUARD_RAY, GUARD_TRIANGLE, N_SHAPE, Guards, mark_met
-from prf.kernels.image import Image, count_edges
-from prf.kernels.points import Points
-from prf.kernels.targets import Targets
-from prf.layout import bare_graph, make_guards, make_index, make_proposal, make_sites
-from prf.posterior import FIRST_CAPACITY, FIRST_CELL_ROOM, PointData, painted_points
+from prf.kernels.readings.beams import Beams, find_aims
+from prf.kernels.readings.points import Points
+from prf.kernels.state.build import fill_graph, recompute_sums, trace_all
+from prf.kernels.state.cell_lists import first_segments
+from prf.kernels.state.chain import Chain
+from prf.kernels.state.graph import Graph
+from prf.kernels.state.grid import ABS_TOL, REL_TOL, Grid, make_grid, most_cells
+from prf.kernels.state.guards import GUARD_RAY, GUARD_TRIANGLE, N_SHAPE, Guards, mark_met
+from prf.kernels.state.image import Image, count_edges
+from prf.kernels.state.targets import Targets
+from prf.model.coloring import Coloring
+from prf.model.laser import MARGIN, make_beams
+from prf.model.layout import bare_graph, make_guards, make_index, make_proposal, make_sites
+from prf.model.sonar import make_cones
+from prf.model.window import Window
+from prf.readings.driven import ways_near
+from prf.sampler.posterior import FIRST_CAPACITY, FIRST_CELL_ROOM, PointData, painted_points
 from prf.sampler.tiles.rounds import Round, TileData, tiles_at
-from prf.sensors.laser import MARGIN, make_beams
-from prf.sensors.sonar import make_cones
-from prf.window import Window
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -7,10 +7,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from prf.kernels.grid import Grid
-from prf.posterior import Settings
+from prf.kernels.state.grid import Grid
+from prf.model.window import Window
+from prf.sampler.posterior import Settings
 from prf.sampler.record import FIRST_THIN
-from prf.window import Window
 
 LEAST_SIDE = 60.0
 """Metres: windows that are not longer have no tiles unless a number is given."""

@@ -8,17 +8,20 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from prf.coloring import Coloring
-from prf.driven import way_guards
 from prf.kernels import constants as c
-from prf.kernels.cell_lists import SegmentLists, list_segments
-from prf.kernels.chain import Chain
-from prf.kernels.cones import MAX_DISTANCE
-from prf.kernels.grid import Grid, make_grid
-from prf.kernels.sonar_features import BORDER, POSE_COS, POSE_SIN, POSE_X, POSE_Y
-from prf.kernels.targets import Targets
-from prf.layout import make_targets, read_coloring
-from prf.posterior import (
+from prf.kernels.readings.cones import MAX_DISTANCE
+from prf.kernels.readings.sonar_features import BORDER, POSE_COS, POSE_SIN, POSE_X, POSE_Y
+from prf.kernels.state.cell_lists import SegmentLists, list_segments
+from prf.kernels.state.chain import Chain
+from prf.kernels.state.grid import Grid, make_grid
+from prf.kernels.state.targets import Targets
+from prf.model.coloring import Coloring
+from prf.model.laser import LaserModel
+from prf.model.layout import make_targets, read_coloring
+from prf.model.sonar import SonarModel
+from prf.model.window import INTERIOR
+from prf.readings.driven import way_guards
+from prf.sampler.posterior import (
     BORDER_MOVES,
     NO_LASER,
     NO_SONAR,
@@ -29,9 +32,6 @@ from prf.posterior import (
     white_places,
 )
 from prf.sampler.tiles.partition import random_tiles
-from prf.sensors.laser import LaserModel
-from prf.sensors.sonar import SonarModel
-from prf.window import INTERIOR
 
 Floats = NDArray[np.float64]
 
@@ -46,7 +46,7 @@ class TileData:
     settings: Settings
     laser: LaserModel  # models; of no consequence without readings
     sonar: SonarModel  # models; of no consequence without readings
-    ray: Floats  # (n, N_RAY): beams as :func:`prf.sensors.laser.make_rays` lays them out
+    ray: Floats  # (n, N_RAY): beams as :func:`prf.model.laser.make_rays` lays them out
     influence: Floats  # (n,): distance beyond which no obstacle changes the likelihood of the beam, metres
     end: Floats  # (n, 2): point whose tile answers for the beam: where the return lies, or half way without one
     pose: Floats  # (m, N_POSE): sonar readings

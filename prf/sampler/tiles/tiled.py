@@ -12,19 +12,19 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from prf.coloring import Coloring, black_at
 from prf.kernels import constants as c
-from prf.kernels.chain import Chain
-from prf.kernels.image import count_edges, settle_all
-from prf.layout import run_chain
-from prf.posterior import Settings, make_chain
+from prf.kernels.state.chain import Chain
+from prf.kernels.state.image import count_edges, settle_all
+from prf.model.coloring import Coloring, black_at
+from prf.model.layout import run_chain
+from prf.model.window import INTERIOR, Window
 from prf.sampler.chain import ChainSampler
 from prf.sampler.chain_map import with_map
+from prf.sampler.posterior import Settings, make_chain
 from prf.sampler.record import Draw, burn_in, functionals
 from prf.sampler.tiles.part import Part, make_part
 from prf.sampler.tiles.partition import PLAIN_SHARE, first_round, looks_of, narrowest, round_length
 from prf.sampler.tiles.rounds import Round, TileData, make_round, make_tile_data
-from prf.window import INTERIOR, Window
 
 
 class TileState(NamedTuple):

@@ -26,7 +26,7 @@ from mapq.crf.calibration import (
 )
 from mapq.model import ISOTONIC, LEAST_SLOPE, PLATT, TEMPERATURE, Calibration
 from prf.shell.errors import UsageError
-from tests.mapq.assess.test_result import make_model
+from tests.mapq.results.test_result import make_model
 
 
 def draw(log_odds, n=20000, seed=0, scale=2.0):

@@ -9,8 +9,8 @@ import pytest
 
 from mapq.io import ReadOptions, read_cloud
 from prf.shell.errors import ConfigError
-from tests.logs.bags import KINDS, START, Maker, Note, drive, yaw
 from tests.mapq.io.samples import refusal
+from tests.readings.bags import KINDS, START, Maker, Note, drive, yaw
 
 FIELDS = np.dtype(
     {

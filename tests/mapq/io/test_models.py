@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mapq.assess import feature_settings
 from mapq.features import FeatureSettings
 from mapq.io.models import SCHEMA, read_default_model, read_model, write_model
 from mapq.model import EDGE_MODELS, Calibration
+from mapq.results import feature_settings
 from prf.shell.errors import InputError
 from tests.reference.mapq_crf import draw_model
 from tests.reference.mapq_trees import draw_potential

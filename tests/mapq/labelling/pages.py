@@ -9,11 +9,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from mapq.assess import assess
 from mapq.labelling.page import Page
 from mapq.labelling.server import LabelServer
 from mapq.labelling.store import Store, open_store
-from tests.mapq.assess.test_result import make_model
+from mapq.results import assess
+from tests.mapq.results.test_result import make_model
 
 
 @contextmanager

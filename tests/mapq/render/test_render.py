@@ -18,7 +18,7 @@ from mapq.render.colours import (
     probability_colours,
 )
 from mapq.render.picture import Picture, axonometric
-from prf.shell import pictures
+from prf.shell.cli import pictures
 from prf.shell.errors import InputError
 
 

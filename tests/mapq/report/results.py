@@ -5,10 +5,10 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from mapq.assess import assess
 from mapq.patches import Patches
-from tests.mapq.assess.test_result import make_model
+from mapq.results import assess
 from tests.mapq.labelled import draw_patches
+from tests.mapq.results.test_result import make_model
 
 
 def save_result(path: Path, patches: Patches | None = None) -> Path:

@@ -9,14 +9,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mapq.assess.judged import read_judged
 from mapq.cloud import PointCloud
 from mapq.io import write_ply
 from mapq.render.source import read_picture
 from mapq.report import read_findings, write_report
 from mapq.report.page import page_data
+from mapq.results.judged import read_judged
+from prf.shell.cli.page.markup import script_sources, script_tags
 from prf.shell.errors import InputError, UsageError
-from prf.shell.page.markup import script_sources, script_tags
 from tests.mapq.factories import make_patches
 from tests.mapq.labelled import draw_patches
 from tests.mapq.report.results import save_result, without_scripts

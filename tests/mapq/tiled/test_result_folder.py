@@ -9,15 +9,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mapq.assess.compare import compare
-from mapq.assess.judged import read_judged
 from mapq.cloud import PointCloud
-from mapq.evaluate import read_labelled, score_labels
 from mapq.io import ReadOptions, read_cloud, write_cloud
 from mapq.io.describe import describe
 from mapq.io.result_folder import open_result_folder, steps_of, thinned_by_patch
 from mapq.render.source import read_picture
 from mapq.report import read_findings, write_report
+from mapq.results.compare import compare
+from mapq.results.evaluate import read_labelled, score_labels
+from mapq.results.judged import read_judged
 from mapq.simulate.city import ORIGIN, PITCH, make_block
 from mapq.tiled.run import TileSettings, classify_map
 from prf.shell.errors import InputError, UsageError

@@ -8,16 +8,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mapq.assess import assess
 from mapq.cloud import PointCloud
 from mapq.io import read_cloud, write_cloud
 from mapq.io.options import AS_IT_IS
 from mapq.model import Model
+from mapq.results import assess
 from mapq.segmentation import SegmentSettings, segment
 from mapq.simulate.city import ORIGIN, PITCH, SIDES, make_block, plan_city, write_city
 from mapq.tiled.run import Job, TileSettings, classify_map
 from mapq.tiled.source import open_map
-from prf.shell.files import work_folder
+from prf.shell.cli.files import work_folder
 
 N_POINTS = 145_000
 

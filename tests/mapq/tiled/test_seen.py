@@ -8,18 +8,18 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from mapq.assess import Result, assess
 from mapq.axes import turn, turn_cloud
 from mapq.cloud import PointCloud
 from mapq.features.provenance import Known, Span, decide, known_of
 from mapq.io import read_cloud, write_cloud
 from mapq.io.options import AS_IT_IS
 from mapq.model import Model
+from mapq.results import Result, assess
 from mapq.segmentation import segment
 from mapq.simulate import SIZES, Settings, simulate
 from mapq.tiled.run import Job, TileSettings, classify_map
 from mapq.tiled.source import open_map
-from prf.shell.files import work_folder
+from prf.shell.cli.files import work_folder
 
 SEED = 2
 """Of a drive whose patches are the same in tiles, so that their features can be compared."""

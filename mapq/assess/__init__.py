@@ -1,9 +1,0 @@
-"""From a cloud or its patches to a result: labels, probabilities, reasons in words, regions, and maps compared."""
-
-from __future__ import annotations
-
-from mapq.assess.inputs import Origin, feature_settings, read_input
-from mapq.assess.regions import Region
-from mapq.assess.result import MIN_COVERAGE, Result, assess
-
-__all__ = ["MIN_COVERAGE", "Origin", "Region", "Result", "assess", "feature_settings", "read_input"]

@@ -1,0 +1,247 @@
+"""Why a suspicious patch is wrong: a loop that was not closed, or neighbouring scans that disagree.
+
+The heights of points over the patch's plane are analysed as nested groups: visits, scans within a visit, points within
+a scan (Searle, Casella and McCulloch 1992, "Variance Components", chapter 5; Henderson's first method). What only
+parts visits arose while the sensor was elsewhere; what parts scans of one visit is local.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapq.graph import PatchFeatures
+from mapq.patches import Patches
+from mapq.results.visits import Visits
+
+MISSED_LOOP, LOCAL, UNKNOWN = "missed loop closure", "local mapping error", "unknown"
+CAUSES = (UNKNOWN, MISSED_LOOP, LOCAL)
+"""In the order of their codes in the point field `cause` of a result."""
+
+CELL = 1.0
+"""Metres: side of the cells of a patch in which scans are compared; along a wall they may see different things."""
+MIN_SHARED = 0.05
+"""Overlap or crossing from which another patch may be a second copy of the surface."""
+TURNED = 15.0
+"""Degrees between planes up to which it may."""
+FARTHEST = 3.0
+"""Metres off the plane up to which its points are looked at."""
+BEYOND = 0.15
+"""Metres by which they may lie farther off than scans disagree, where that is known: noise of three sigma."""
+LEAST = 0.05
+"""Metres: by less it parts no surface that anybody would call doubled."""
+CLEARLY = np.sqrt(2.0)
+"""Visits must part by so many times what parts scans of one: errors from scan to scan part visits too, by less."""
+MOST_POINTS = 20_000
+"""Of a patch and its copies that are looked at."""
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+class Spread(NamedTuple):
+    """How points of a surface part, in metres."""
+
+    visits: float  # root mean square difference between visits; nan where there is one only
+    scans: float  # between scans of one visit, likewise
+    points: float  # standard deviation within scans; nan where no scan has two points in a cell
+    n_visits: int  # the most visits of a cell
+    n_scans: int
+    gap: tuple[int, int] | None  # moments between which the surface was out of sight, the middle one of such gaps
+
+
+class Cause(NamedTuple):
+    """What made a patch suspicious, as far as it is known."""
+
+    kind: str  # one of `CAUSES`
+    text: str  # for people
+    measures: dict[str, Any]  # what the text is made of
+
+    def row(self, decimals: int) -> dict[str, Any]:
+        """Return the cause as JSON."""
+        rounded = {name: round(x, decimals) if isinstance(x, float) else x for name, x in self.measures.items()}
+        return {"kind": self.kind, "text": self.text, **rounded}
+
+
+def find_causes(
+    patches: Patches, features: PatchFeatures, suspicious: NDArray[np.bool_], visits: Visits | None
+) -> dict[int, Cause]:
+    """Return the cause of each suspicious patch by its number.
+
+    `features`: their pairs show which patches may be copies of one surface. `suspicious` (m,). `visits`: None: when
+    points were seen is not known, and so no cause.
+    """
+    if visits is None:
+        nothing = Cause(UNKNOWN, "the map does not tell by which scans or when it was seen", {})
+        return {int(patch): nothing for patch in np.flatnonzero(suspicious)}
+    copies, reach, apart = copies_of(features, len(patches)), reach_of(features), features.disagreement
+    return {
+        patch: cause_of(measure_spread(patches, patch, copies[patch], visits, reach[patch]), visits, apart[patch])
+        for patch in np.flatnonzero(suspicious).tolist()
+    }
+
+
+def reach_of(features: PatchFeatures) -> Floats:
+    """Return the metres (m,) off each patch up to which points may be of its surface, from what scans disagree by."""
+    return np.asarray(np.fmin(np.maximum(features.disagreement[:, 2], LEAST) + BEYOND, FARTHEST))
+
+
+def copies_of(features: PatchFeatures, n_patches: int) -> list[list[int]]:
+    """Return for each patch those that may be copies of its surface: over it or across, nearly parallel."""
+    overlap, crossing, angle = (
+        features.edge[:, features.edge_names.index(name)] for name in ("overlap", "crossing", "angle_deg")
+    )
+    found: list[list[int]] = [[] for _ in range(n_patches)]
+    for one, other in features.pairs[(np.maximum(overlap, crossing) > MIN_SHARED) & (angle < TURNED)].tolist():
+        found[one].append(other)
+        found[other].append(one)
+    return found
+
+
+def cause_of(spread: Spread, visits: Visits, apart: Floats) -> Cause:
+    """Return the cause that a spread shows, if it is clear.
+
+    `apart` (3,): lower bound, value and upper bound of what scans disagree by, metres; nan where that is not known, and
+    the spread alone counts.
+    """
+    measures: dict[str, Any] = {
+        "between_visits_m": spread.visits,
+        "within_visits_m": spread.scans,
+        "within_scans_m": spread.points,
+        "n_visits": spread.n_visits,
+        "n_scans": spread.n_scans,
+    }
+    if spread.n_scans < 2:
+        return Cause(UNKNOWN, f"one {visits.unit} alone saw it", measures)
+    by_visit, by_scan, thickness = (float(np.nan_to_num(x)) for x in (spread.visits, spread.scans, spread.points))
+    several = {"scan": "scans", "pass": "passes"}.get(visits.unit, "moments")
+    low, metres, high = (float(x) for x in apart) if np.isfinite(apart[1]) else (LEAST, max(by_visit, by_scan), 0.0)
+    if metres < LEAST:
+        return Cause(UNKNOWN, f"{several} that see it agree within {max(high, LEAST):.2f} m", measures)
+    if low <= 0.0:
+        return Cause(UNKNOWN, f"{several} that see it lie {high:.2f} m apart at most, and may agree", measures)
+    bounds = f" ({low:.2f} to {high:.2f})" if high else ""
+    if max(by_visit, by_scan) < np.sqrt(2.0) * thickness:
+        return Cause(UNKNOWN, f"within each {visits.unit} it spreads as far as from one to another", measures)
+    if visits.unit != "pass" and not np.isfinite(spread.scans):
+        return Cause(UNKNOWN, f"no two {several} of one visit saw it, by which to tell", measures)
+    if by_visit < CLEARLY * by_scan:
+        return Cause(LOCAL, f"{several} of one visit put it {metres:.2f} m{bounds} apart", measures)
+    if spread.gap is None or visits.unit == "pass":
+        return Cause(MISSED_LOOP, f"passes put it {metres:.2f} m{bounds} apart", measures)
+    lengths = _gap(visits, *spread.gap)
+    after = " and ".join(f"{value:.0f} {name}" for name, value in lengths.items())
+    named = {f"away_{name}": value for name, value in lengths.items()}
+    return Cause(MISSED_LOOP, f"seen again after {after}, it lies {metres:.2f} m{bounds} off", measures | named)
+
+
+def _gap(visits: Visits, before: int, after: int) -> dict[str, float]:
+    """Return how long a surface was out of sight, by units."""
+    lengths = {}
+    if visits.way is not None:
+        lengths["m"] = float(visits.way[after] - visits.way[before])
+    if visits.seconds is not None:
+        lengths["s"] = float(visits.seconds[after] - visits.seconds[before])
+    return lengths or {"scans": float(after - before)}
+
+
+def measure_spread(patches: Patches, patch: int, copies: list[int], visits: Visits, reach: float) -> Spread:
+    """Return how the points of a patch and of its copies, up to `reach` metres off, part by visits and by scans."""
+    points, start = patches.members
+    own = points[start[patch] : start[patch + 1]]
+    rows = np.concatenate([own, *(points[start[other] : start[other + 1]] for other in copies)])
+    rows = _thinned(rows[visits.moment[rows] >= 0], patches.cloud.xyz, visits.moment)
+    normal = patches.normal[patch]
+    apart = patches.cloud.xyz[rows] - patches.centroid[patch]
+    height = apart @ normal
+    cell = np.floor(_in_plane(apart, normal) / CELL).astype(np.int64)
+    is_own = patches.patch[rows] == patch
+    near = (np.abs(height) < reach) & _among(cell, cell[is_own])
+    if visits.to_sensor is not None:
+        near &= _same_side(visits.to_sensor[rows] @ normal, is_own)
+    return nested_spread(height[near], cell[near], visits.moment[rows[near]], visits)
+
+
+def _thinned(rows: Ints, xyz: Floats, moment: NDArray[np.integer[Any]]) -> Ints:
+    """Return every n-th of the rows (k,), at most `MOST_POINTS`, by moment and place, not by order."""
+    if len(rows) <= MOST_POINTS:
+        return rows
+    x, y, z = xyz[rows].T
+    return rows[np.lexsort((z, y, x, moment[rows]))][:: -(-len(rows) // MOST_POINTS)]
+
+
+def _in_plane(apart: Floats, normal: Floats) -> Floats:
+    """Return coordinates (n, 2) of points along two directions in the plane of a normal."""
+    across = np.cross(normal, np.eye(3)[int(np.argmin(np.abs(normal)))])
+    across /= np.linalg.norm(across)
+    return np.column_stack([apart @ across, apart @ np.cross(normal, across)])
+
+
+def _same_side(towards: Floats, is_own: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return which points (n,) were not seen from the other side than most of the patch's own: its back is no copy."""
+    known = np.nan_to_num(towards)
+    side = np.sign(np.sum(np.sign(known[is_own])))
+    return np.asarray(np.sign(known) != -side) if side else np.ones(len(towards), bool)
+
+
+def _among(cells: Ints, chosen: Ints) -> NDArray[np.bool_]:
+    """Return which cells (n, 2) are among the chosen ones."""
+    _, number = np.unique(np.concatenate([cells, chosen]), axis=0, return_inverse=True)
+    number = number.ravel()
+    return np.asarray(np.isin(number[: len(cells)], number[len(cells) :]))
+
+
+def nested_spread(height: Floats, cell: Ints, moment: Ints, visits: Visits) -> Spread:
+    """Return the spread of heights (n,) in cells (n, 2), seen at moments (n,)."""
+    if len(height) == 0:
+        return Spread(np.nan, np.nan, np.nan, 0, 0, None)
+    place = np.unique(cell, axis=0, return_inverse=True)[1].ravel()
+    order = np.lexsort((moment, place))
+    height, place, moment = height[order], place[order], moment[order]
+    other_cell = np.diff(place) != 0
+    other_scan = other_cell | (np.diff(moment) != 0)
+    gap = ~other_cell & other_scan & visits.new_visit(moment[:-1], moment[1:])
+    scan, visit = _numbers(other_scan), _numbers(other_cell | gap)
+    within = _variance(height, np.arange(len(height)), scan, 0.0)
+    noise = float(np.nan_to_num(within))
+    by_scan, by_visit = _variance(height, scan, visit, noise), _variance(height, visit, place, noise)
+    n_visits = int(np.bincount(place[np.flatnonzero(np.diff(visit, prepend=-1))]).max())
+    return Spread(
+        float(np.sqrt(2.0 * by_visit)),
+        float(np.sqrt(2.0 * by_scan)),
+        float(np.sqrt(within)),
+        n_visits,
+        len(np.unique(moment)),
+        _middle_gap(moment[:-1][gap], moment[1:][gap]),
+    )
+
+
+def _numbers(begins: NDArray[np.bool_]) -> Ints:
+    """Return the number (n,) of the group of each row, given whether each but the first begins another (n - 1,)."""
+    return np.concatenate([[0], np.cumsum(begins)])
+
+
+def _variance(height: Floats, inner: Ints, outer: Ints, noise: float) -> float:
+    """Return the variance that parts inner groups (n,) of one outer group, but for what noise does; nan if none can.
+
+    Its expectation is free of `noise`, the variance of points within a scan, for groups of any sizes.
+    """
+    n_inner, n_outer = np.bincount(inner), np.bincount(outer)
+    first = np.flatnonzero(np.diff(inner, prepend=-1))
+    holder = outer[first]
+    mean, whole = np.bincount(inner, height) / n_inner, np.bincount(outer, height) / n_outer
+    squares = float(n_inner @ (mean - whole[holder]) ** 2)
+    freedom = len(height) - float(np.sum(n_inner**2 / n_outer[holder]))
+    if len(n_inner) == len(n_outer) or freedom <= 0.0:
+        return float("nan")
+    return max(squares - noise * (len(n_inner) - len(n_outer)), 0.0) / freedom
+
+
+def _middle_gap(before: Ints, after: Ints) -> tuple[int, int] | None:
+    """Return the gap of median length, of gaps between moments (g,)."""
+    if len(before) == 0:
+        return None
+    middle = np.argsort(after - before, kind="stable")[len(before) // 2]
+    return int(before[middle]), int(after[middle])

@@ -1,0 +1,97 @@
+"""The JSON of a result: its head, and a row a patch with reasons and terms (docs/results.md)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapq.crf.calibration import cut_probability
+from mapq.io.results import CLOUD_UNIT
+
+if TYPE_CHECKING:
+    from mapq.crf import Terms
+    from mapq.results.result import Result
+
+LABELS = ("plausible", "suspicious")
+DECIMALS = 9
+"""Of numbers: sums of terms stay exact to a billionth."""
+
+
+def head_of(result: Result, process: Mapping[str, Any], verdict: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the JSON of a result without its patches, of what is known of the process and the verdict."""
+    return {
+        **process,
+        "model": result.origin.model,
+        "unit": "m",
+        CLOUD_UNIT: result.patches.cloud.unit.tolist(),
+        "counts": result.counts,
+        "regions": [
+            {**region.row(number, DECIMALS), **cause_row(result, region.patches)}
+            for number, region in enumerate(result.regions)
+        ],
+        "edge_model": result.model.edge_model,
+        "calibration": result.model.calibration.kind,
+        "threshold": {"difference": result.model.threshold, "p_suspicious": cut_probability(result.model)},
+        "features": {**result.features.parameters, "n_clipped": result.features.n_clipped},
+        "segmentation": {"parameters": result.patches.parameters, "report": result.patches.report},
+        "verdict": verdict,
+    }
+
+
+def cause_row(result: Result, some: NDArray[np.int64] | None = None) -> dict[str, Any]:
+    """Return for JSON which cause has the largest area, and the area of each."""
+    area = result.area_by_cause(some)
+    named = {name: round(value, DECIMALS) for name, value in area.items()}
+    return {"cause": next(iter(area)) if any(area.values()) else None, "area_by_cause_m2": named}
+
+
+def patch_rows(result: Result) -> Iterator[dict[str, Any]]:
+    """Yield each patch with its label, its probability, its geometry in metres, and its terms."""
+    starts = result.terms.starts(len(result.patches))
+    region_of = {int(patch): number for number, region in enumerate(result.regions) for patch in region.patches}
+    centroids = result.patches.cloud.world_of(result.patches.centroid)
+    disagreement = result.features.disagreement
+    for patch in range(len(result.patches)):
+        begin, end = starts[patch : patch + 2].tolist()
+        shape = zip(result.features.shape_names, result.features.shape[patch].tolist(), strict=True)
+        yield {
+            "patch": patch,
+            "label": LABELS[int(result.labelling.label[patch])],
+            "p_suspicious": float(result.labelling.probability[patch]),
+            "difference": round(float(result.labelling.difference[patch]), DECIMALS),
+            "n_points": int(result.patches.counts[patch]),
+            "centroid": rounded(centroids[patch]),
+            "normal": rounded(result.patches.normal[patch]),
+            **{name: round(value, DECIMALS) for name, value in shape if name != "n_points"},
+            **_disagreement(*disagreement[patch].tolist()),
+            "region": region_of.get(patch),
+            "cause": result.causes[patch].row(DECIMALS) if patch in result.causes else None,
+            "reasons": [reason.row(DECIMALS) for reason in result.reasons(patch)],
+            "log_odds": round(float(result.terms.contribution[begin:end].sum()), DECIMALS),
+            "terms": _terms(result.terms, begin, end),
+        }
+
+
+def _terms(terms: Terms, begin: int, end: int) -> list[dict[str, Any]]:
+    """Return the terms of a patch, which lie from `begin` to `end`, largest first."""
+    columns = (column[begin:end].tolist() for column in (terms.name, terms.value, terms.contribution, terms.other))
+    return [
+        {"name": terms.names[name], "value": round(value, DECIMALS), "contribution": round(added, DECIMALS)}
+        | ({"other": other} if other >= 0 else {})
+        for name, value, added, other in zip(*columns, strict=True)
+    ]
+
+
+def _disagreement(low: float, metres: float, high: float) -> dict[str, float | None]:
+    """Return by how much scans disagree on a patch, with bounds; null where that is unknown."""
+    named = {"disagreement_m": metres, "low": low, "high": high}
+    return {name: round(x, DECIMALS) if math.isfinite(metres) else None for name, x in named.items()}
+
+
+def rounded(values: NDArray[np.float64]) -> list[float]:
+    """Return places as numbers of JSON."""
+    return [round(value, 6) for value in values.tolist()]

@@ -1,0 +1,391 @@
+"""`Result`: what a model infers about a map, patch by patch, region by region, and as a whole."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.lib import recfunctions
+from numpy.typing import ArrayLike, NDArray
+
+from mapq.cloud import PointCloud
+from mapq.crf import Labelling, Terms, classify, explain
+from mapq.features import patch_features
+from mapq.graph import PatchFeatures
+from mapq.io.models import read_default_model
+from mapq.io.results import json_beside, result_cloud, write_result
+from mapq.model import Model
+from mapq.patches import SUSPICIOUS, UNLABELLED, Patches
+from mapq.results.causes import CAUSES, Cause, find_causes
+from mapq.results.content import cause_row, head_of, patch_rows, rounded
+from mapq.results.inputs import Origin, feature_settings
+from mapq.results.reasons import Reason, Reasons
+from mapq.results.regions import Region, find_regions, weighted_median
+from mapq.results.visits import Visits, visits_of
+from prf.shell.cli.manifest import describe_process
+from prf.shell.cli.outputs import refuse_existing
+from prf.shell.cli.progress import Reporter
+from prf.shell.errors import ArgumentError
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from mapq.results.evaluate import Scores
+
+AREA = "area_m2"
+"""Name of the area of a patch, in m², among the shape measures."""
+
+N_REASONS = 3
+"""Reasons of each patch in the JSON of a result."""
+MIN_COVERAGE = 0.2
+"""Share of the points on planes that a map needs in judged patches to pass, unless another is given."""
+N_LISTED = 5
+"""Regions that the card in a notebook lists."""
+
+
+class Seen(NamedTuple):
+    """When a map was seen, without its points (None: not known), and the cause of each suspicious patch."""
+
+    visits: Visits | None
+    causes: dict[int, Cause]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Result:
+    """Labels of the patches of a map, with probabilities and reasons.
+
+    Attributes
+    ----------
+    patches : Patches
+    features : PatchFeatures
+    model : Model
+    labelling : Labelling
+    terms : Terms
+        Why each patch has its label.
+    origin : Origin
+    seen : Seen or None
+        None: found from the points.
+    """
+
+    patches: Patches
+    features: PatchFeatures
+    model: Model
+    labelling: Labelling
+    terms: Terms
+    origin: Origin = field(default_factory=Origin)
+    seen: Seen | None = None
+
+    @property
+    def label(self) -> NDArray[np.uint8]:
+        """Of each patch (m,): 1 suspicious, 0 plausible."""
+        return self.labelling.label
+
+    @property
+    def probability(self) -> NDArray[np.float32]:
+        """Probability (m,) that each patch is suspicious."""
+        return self.labelling.probability
+
+    @property
+    def patch(self) -> NDArray[np.int32]:
+        """Patch of each point (n,), -1 for none."""
+        return self.patches.patch
+
+    @cached_property
+    def suspicious(self) -> NDArray[np.uint8]:
+        """Of each point (n,): 1 in a suspicious patch, 0 in a plausible one, 255 in none."""
+        return np.append(self.label, np.uint8(UNLABELLED))[self.patch]
+
+    @cached_property
+    def p_suspicious(self) -> NDArray[np.float32]:
+        """Probability (n,) that the patch of each point is suspicious; nan where there is none."""
+        return np.append(self.probability, np.float32(np.nan))[self.patch].astype(np.float32)
+
+    def table(self) -> NDArray[np.void]:
+        """Return a row a patch (m,), a structured array that ``pandas.DataFrame`` takes.
+
+        Columns are those of `features.nodes`, x, y, z of the middle in world coordinates, label, p_suspicious,
+        difference (nats) and region (-1: none).
+        """
+        region = np.full(len(self.patches), -1, np.int32)
+        for number, found in enumerate(self.regions):
+            region[found.patches] = number
+        middle = self.patches.cloud.world_of(self.patches.centroid)
+        columns: dict[str, NDArray[Any]] = {
+            **dict(zip("xyz", middle.T, strict=True)),
+            "label": self.label,
+            "p_suspicious": self.probability,
+            "difference": self.labelling.difference,
+            "region": region,
+        }
+        names, values = list(columns), list(columns.values())
+        return np.asarray(recfunctions.append_fields(self.features.nodes, names, values, usemask=False))
+
+    def cloud(self) -> PointCloud:
+        """Return all points with the fields of a result."""
+        labelling = self.labelling
+        return result_cloud(
+            self.patches.cloud, self.patches.patch, labelling.label, labelling.probability, self.cause_codes()
+        )
+
+    def cause_codes(self) -> NDArray[np.uint8] | None:
+        """Return the place of each patch's cause (m,) among `CAUSES`, 255 where it is plausible; None if unknown."""
+        if self.visits is None:
+            return None
+        codes = np.full(len(self.patches), UNLABELLED, np.uint8)
+        for patch, found in self.causes.items():
+            codes[patch] = CAUSES.index(found.kind)
+        return codes
+
+    @cached_property
+    def is_suspicious(self) -> NDArray[np.bool_]:
+        """Return which patches (m,) are suspicious."""
+        return np.asarray(self.labelling.label == SUSPICIOUS)
+
+    @cached_property
+    def area(self) -> NDArray[np.float64]:
+        """Return the area (m,) of each patch in m²; nan where the features do not have it."""
+        if AREA not in self.features.shape_names:
+            return np.full(len(self.patches), np.nan)
+        return self.features.shape[:, self.features.shape_names.index(AREA)]
+
+    @property
+    def coverage(self) -> float:
+        """Share of the points on planes of any tilt that are in patches, and so judged; nan where that is not known."""
+        dropped = self.patches.report.get("dropped_for_tilt")
+        if not isinstance(dropped, Mapping) or "points" not in dropped:
+            return float("nan")
+        judged = int(self.patches.counts.sum())
+        return judged / max(judged + int(dropped["points"]), 1)
+
+    @property
+    def counts(self) -> dict[str, Any]:
+        """How much of the map is suspicious: patches, points and area, and their shares (nan of nothing).
+
+        The expected share is the mean of p_suspicious over the area: what is wrong if p is right.
+        """
+        counts, bad = self.patches.counts, self.is_suspicious
+        n_points, area = int(counts.sum()), float(self.area.sum())
+        return {
+            "n_patches": len(self.patches),
+            "n_suspicious": int(bad.sum()),
+            "share_of_patches": _share(float(bad.sum()), len(self.patches)),
+            "n_points": len(self.patches.cloud),
+            "n_points_in_patches": n_points,
+            "n_points_suspicious": int(counts[bad].sum()),
+            "coverage": self.coverage,
+            "share_of_points": _share(float(counts[bad].sum()), n_points),
+            "area_m2": area,
+            "area_suspicious_m2": float(self.area[bad].sum()),
+            "share_of_area": _share(float(self.area[bad].sum()), area),
+            "expected_share_of_area": _share(float(self.area @ self.labelling.probability), area),
+        }
+
+    def worst(self, n_most: int) -> list[int]:
+        """Return the suspicious patches that are most surely so, at most `n_most`, larger ones first among equals."""
+        candidates = np.flatnonzero(self.is_suspicious)
+        order = np.lexsort((candidates, -self.patches.counts[candidates], -self.labelling.difference[candidates]))
+        return [int(patch) for patch in candidates[order[:n_most]]]
+
+    def world_centroid(self, patch: int) -> list[float]:
+        """Return the mean of a patch's points in world coordinates (3)."""
+        return rounded(self.patches.cloud.world_of(self.patches.centroid[patch]))
+
+    @cached_property
+    def regions(self) -> list[Region]:
+        """Return the regions of connected suspicious patches, the most severe first."""
+        return find_regions(self.patches, self.features, self.is_suspicious, self.labelling.probability, self.area)
+
+    @cached_property
+    def visits(self) -> Visits | None:
+        """Return when the points were seen; None where the cloud does not record it."""
+        return self.seen.visits if self.seen is not None else visits_of(self.patches.cloud)
+
+    @cached_property
+    def causes(self) -> dict[int, Cause]:
+        """Return what made each suspicious patch so, as far as it is known, by its number."""
+        if self.seen is not None and self.seen.visits is not None:
+            return self.seen.causes
+        return find_causes(self.patches, self.features, self.is_suspicious, self.visits)
+
+    @property
+    def disagreement(self) -> float:
+        """Metres by which scans disagree: mean over the area of patches where it is known, nan of none."""
+        metres = self.features.disagreement[:, 1]
+        weight = np.where(np.isfinite(metres) & np.isfinite(self.area), self.area, 0.0)
+        return _share(float(np.nan_to_num(metres) @ weight), float(weight.sum()))
+
+    @property
+    def scans_apart(self) -> float:
+        """Metres by which scans disagree: median over the area of patches where it is known, nan of none."""
+        return weighted_median(self.features.disagreement[:, 1], self.area)
+
+    def area_by_cause(self, some: NDArray[np.int64] | None = None) -> dict[str, float]:
+        """Return the area in m² of suspicious patches (some: of those alone) by cause, the largest first."""
+        area = dict.fromkeys(CAUSES, 0.0)
+        for patch in self.causes if some is None else some:
+            area[self.causes[int(patch)].kind] += float(np.nan_to_num(self.area[patch]))
+        return dict(sorted(area.items(), key=lambda item: -item[1]))
+
+    def reasons(self, patch: int, n_most: int = N_REASONS) -> list[Reason]:
+        """Return what speaks most for the label of a patch, in words and in log-odds.
+
+        Raises
+        ------
+        ArgumentError
+            If there is no such patch.
+        """
+        if not 0 <= patch < len(self.label):
+            raise ArgumentError(f"patch {patch}: must be from 0 to {len(self.label) - 1}.")
+        return self._reasons.of(patch, 1.0 if self.is_suspicious[patch] else -1.0, n_most)
+
+    @cached_property
+    def _reasons(self) -> Reasons:
+        return Reasons(self.features, self.terms)
+
+    def verdict(self, fail_over: float | None = None, min_coverage: float = MIN_COVERAGE) -> dict[str, Any]:
+        """Return whether the map passes: enough of it judged, and little of that suspicious.
+
+        Parameters
+        ----------
+        fail_over : float, optional
+            Largest share of the area that may be suspicious, such as 0.05; without one "passed" is None.
+        min_coverage : float
+            Share of the points on planes of any tilt that must be in judged patches, where that is known. A map
+            without a patch never passes.
+
+        Raises
+        ------
+        ArgumentError
+            If one is not between 0 and 1.
+        """
+        for name, limit in (("fail_over", fail_over), ("min_coverage", min_coverage)):
+            if limit is not None and not 0.0 <= limit <= 1.0:
+                raise ArgumentError(f"{name} {limit}: must be a share between 0 and 1.")
+        share, coverage = self.counts["share_of_area"], self.coverage
+        is_good = bool(len(self.patches)) and not share > (fail_over or 0.0) and not coverage < min_coverage
+        return {
+            "share_of_area": share,
+            "coverage": coverage,
+            "fail_over": fail_over,
+            "min_coverage": min_coverage,
+            "passed": None if fail_over is None else is_good,
+            **cause_row(self),
+            "disagreement_m": self.disagreement,
+            "scans_apart_m": self.scans_apart,
+        }
+
+    @cached_property
+    def _process(self) -> Mapping[str, Any]:
+        return describe_process(self.origin.files)
+
+    def head(self, fail_over: float | None = None, min_coverage: float = MIN_COVERAGE) -> dict[str, Any]:
+        """Return the JSON of a result without its patches (docs/results.md)."""
+        return head_of(self, self._process, self.verdict(fail_over, min_coverage))
+
+    def patch_rows(self) -> Iterator[dict[str, Any]]:
+        """Yield each patch with its label, its probability, its geometry in metres, and its terms."""
+        return patch_rows(self)
+
+    def evaluate(self, truth: ArrayLike | str = "truth") -> Scores:
+        """Return how well the labels agree with the truth.
+
+        `truth` (m,): 1 suspicious, 0 plausible, 255 unknown; or the name of a point field whose majority counts.
+        """
+        from mapq.results.evaluate import score_labels
+
+        return score_labels(self.label, self.patches.labelled(truth).label, self.probability)
+
+    def save(
+        self,
+        path: str | os.PathLike[str],
+        *,
+        fail_over: float | None = None,
+        min_coverage: float = MIN_COVERAGE,
+        force: bool = False,
+    ) -> None:
+        """Write RESULT as mapq classify does: all points (PLY, LAS or LAZ), and a JSON of the same name.
+
+        Raises
+        ------
+        OutputError
+            If one of them exists and may not be replaced (`force`), or cannot be written.
+        """
+        target = os.fspath(path)
+        for name in (target, json_beside(target)):
+            refuse_existing(name, force)
+        write_result(target, self.cloud(), self.head(fail_over, min_coverage), self.patch_rows())
+
+    def report(
+        self,
+        path: str | os.PathLike[str],
+        *,
+        title: str | None = None,
+        max_points: int = 120_000,
+        force: bool = False,
+    ) -> None:
+        """Write a report: one page of HTML that opens without a network.
+
+        Raises
+        ------
+        OutputError
+            If the file exists and may not be replaced (`force`), or cannot be written.
+        """
+        from mapq.report import read_findings, write_report
+
+        refuse_existing(path, force)
+        with TemporaryDirectory() as folder:
+            copy = os.path.join(folder, "map.ply")
+            self.save(copy)
+            findings = read_findings(copy)._replace(path=self.origin.name)
+        write_report(os.fspath(path), findings, title, max_points)
+
+    def plot(self, views: tuple[str, ...] = ("plan",)) -> Figure:
+        """Return a picture, plausible blue and suspicious red; views "plan" and "3d"."""
+        from mapq.render import picture_of
+
+        return picture_of(self).draw(views)
+
+    def __repr__(self) -> str:
+        """Return the result in a line."""
+        return f"<mapq.Result: {self._words}>"
+
+    @property
+    def _words(self) -> str:
+        counts = self.counts
+        share = counts["share_of_area"]
+        area = "" if share != share else f", {share:.1%} of the area"
+        return f"{counts['n_suspicious']:,} of {counts['n_patches']:,} patches suspicious{area}"
+
+    def _repr_html_(self) -> str:
+        """Return the card that a notebook shows, with the worst regions."""
+        from mapq.render import picture_of
+        from prf.shell.cli.notebook import card
+
+        facts = {"suspicious": self._words, "model": self.origin.model}
+        for number, region in enumerate(self.regions[:N_LISTED]):
+            where = " ".join(f"{x:.1f}" for x in region.centre.tolist())
+            facts[f"region {number}"] = f"{len(region.patches)} patches, {region.area:.1f} m² at {where}"
+        return card("Plausibility of the map", facts, picture_of(self).png())
+
+
+def assess(
+    patches: Patches, model: Model | None = None, progress: Reporter | None = None, origin: Origin | None = None
+) -> Result:
+    """Return the labels of patches by a model (None: the model that ships with the package).
+
+    Raises InputError if the model asks for features that this release does not have, or there is no default model.
+    """
+    model = model or read_default_model()
+    features = patch_features(patches, feature_settings(model), progress)
+    labelling = classify(features, model)
+    terms = explain(features, model, labelling.label)
+    return Result(patches, features, model, labelling, terms, origin or Origin())
+
+
+def _share(part: float, whole: float) -> float:
+    return part / whole if whole else float("nan")

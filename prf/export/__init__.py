@@ -1,5 +1,0 @@
-"""Maps for other programs: GeoJSON, ROS map_server, SVG, DXF, and the functionals as netCDF for ArviZ."""
-
-from prf.export.export import FORMATS, Exported, File, Options, export_source
-
-__all__ = ["FORMATS", "Exported", "File", "Options", "export_source"]

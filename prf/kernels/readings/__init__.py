@@ -1,0 +1,1 @@
+"""Beams, cones and values at points, and their likelihood."""

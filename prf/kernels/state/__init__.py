@@ -1,0 +1,1 @@
+"""The map of a chain and its indexes."""

@@ -1,0 +1,24 @@
+"""Polygonal colorings: the discontinuity graph as arrays, its validity, its colours, its polygons, its files."""
+
+from prf.model.coloring.geojson import feature_lines, from_feature, read_geojsonl, to_feature
+from prf.model.coloring.graph import Coloring, Draws, black_areas, black_at, black_at_draws, count_black
+from prf.model.coloring.polygons import from_polygons, occupied_polygons, oriented_polygons
+from prf.model.coloring.validity import check, violations
+
+__all__ = [
+    "Coloring",
+    "Draws",
+    "black_areas",
+    "black_at",
+    "black_at_draws",
+    "check",
+    "count_black",
+    "feature_lines",
+    "from_feature",
+    "from_polygons",
+    "occupied_polygons",
+    "oriented_polygons",
+    "read_geojsonl",
+    "to_feature",
+    "violations",
+]

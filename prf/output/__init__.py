@@ -1,0 +1,1 @@
+"""What leaves a run: files for other programs, pictures, reports."""

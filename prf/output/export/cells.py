@@ -1,0 +1,156 @@
+"""Probabilities on square cells of a run, a grid or one map, and what of them may be exported as known."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from scipy import ndimage
+from shapely.geometry.base import BaseGeometry
+
+from prf.kernels.state.grid import Grid
+from prf.model.coloring import Coloring, Draws, count_black, from_polygons, occupied_polygons
+from prf.model.layout import image_grid, pixel_centres
+from prf.model.window import Window
+from prf.output.export.source import Map, Source
+from prf.results import PosteriorImage, names
+from prf.results.estimate import occupied_probability
+from prf.shell.errors import InputError, UsageError
+
+RESOLUTION = 0.05  # metres a cell: what maps for navigation mostly have
+MAX_CELLS = 25_000_000
+WALL = 0.5  # metres beyond seen cells up to which polygons of occupied ground are kept: walls are seen from one side
+SEAM = 1e-6  # metres by which known ground is enlarged: parts of it that touch at a corner grow together
+
+
+class Cells(NamedTuple):
+    """Probabilities on square cells."""
+
+    probability: NDArray[Any]  # (ny, nx) of being occupied; row 0 has the lowest y; nan where nothing is known
+    origin: NDArray[np.float64]  # (2,) lower left corner of cell (0, 0) in metres
+    resolution: float  # side of a cell in metres
+
+
+def cells_of(
+    source: Source,
+    draw: int | None = None,
+    extrapolate: float = 0.0,
+    *,
+    squares: bool = False,
+    resolution: float | None = None,
+) -> Cells:
+    """Return the posterior of a run, the cells of a grid, or one map as cells of probability 0 and 1.
+
+    Cells farther than `extrapolate` metres from what readings of a run or a grid saw are nan.
+
+    `draw`: number of a draw of the run instead of its posterior. `extrapolate`: metres. `squares`: whether a cell is
+    not completely white, instead of the colour of its centre. `resolution`: side of a cell, metres.
+    """
+    return only_known(_all_cells(source, draw, squares, resolution), source.image, extrapolate)
+
+
+def _all_cells(source: Source, draw: int | None, squares: bool, resolution: float | None) -> Cells:
+    run, image = source.run, source.image
+    if source.grid is not None and draw is None:
+        if squares or resolution is not None:
+            raise UsageError(
+                f"a GRID has cells of {source.grid.resolution:g} m only: leave --squares and --resolution out."
+            )
+        return Cells(source.grid.occupancy, source.grid.origin, source.grid.resolution)
+    if run is None or draw is not None:
+        coloring = source.choose_map(draw).coloring
+        return rasterise(coloring, resolution or _usual_resolution(coloring.window, image), squares)
+    if image is None:
+        raise run.missing(names.POSTERIOR)
+    wanted = resolution or (image.resolution if squares else _usual_resolution(run.draws.window, image))
+    if wanted == image.resolution:
+        return Cells(image.square_occupancy if squares else image.occupancy, image.origin, image.resolution)
+    if squares:
+        raise UsageError("--squares and --resolution: a run knows the squares of its own image alone.")
+    return share_of_draws(run.draws, wanted)
+
+
+def _usual_resolution(window: Window, image: PosteriorImage | None) -> float:
+    """Return the side of a cell if none is given: `RESOLUTION`, or the image's if finer or the window is too large."""
+    own = RESOLUTION if image is None else image.resolution
+    return own if window.area / RESOLUTION**2 > MAX_CELLS else min(own, RESOLUTION)
+
+
+def share_of_draws(draws: Draws, resolution: float) -> Cells:
+    """Return the share of draws in which the centre of each cell is black, nan beyond the window."""
+    if len(draws) == 0:
+        raise InputError("no draws yet: nothing can be exported. Go on with prf sample --resume.")
+    grid = _checked_grid(draws.window, resolution)
+    count = count_black(draws, grid)
+    share = np.where(draws.window.contains(pixel_centres(grid)), count / len(draws), np.nan)
+    return Cells(share.reshape(grid.ny, grid.nx), np.array([grid.x0, grid.y0]), resolution)
+
+
+def only_known(cells: Cells, image: PosteriorImage | None, extrapolate: float) -> Cells:
+    """Return cells with nan where the centre lies farther than `extrapolate` metres from what readings saw."""
+    if image is None:
+        return cells
+    known = image._replace(seen=known_cells(image, extrapolate))
+    n_rows, n_columns = cells.probability.shape
+    grid = Grid(float(cells.origin[0]), float(cells.origin[1]), cells.resolution, n_columns, n_rows)
+    seen = known.seen_at(pixel_centres(grid)).reshape(n_rows, n_columns)
+    return cells._replace(probability=np.where(seen, cells.probability, np.nan))
+
+
+def rasterise(coloring: Coloring, resolution: float, squares: bool) -> Cells:
+    """Return the cells of one map: 1 where the centre (`squares`: any part) is black, nan beyond the window."""
+    draws = Draws.from_colorings([coloring])
+    if not squares:
+        return share_of_draws(draws, resolution)
+    grid = _checked_grid(coloring.window, resolution)
+    black = occupied_probability(draws, pixel_centres(grid), resolution)
+    return Cells(black.reshape(grid.ny, grid.nx), np.array([grid.x0, grid.y0]), resolution)
+
+
+def _checked_grid(window: Window, resolution: float) -> Grid:
+    if window.area / resolution**2 > MAX_CELLS:
+        raise UsageError(f"--resolution {resolution:g}: more than {MAX_CELLS} cells. Give a larger one.")
+    return image_grid(window, resolution)
+
+
+def known_cells(image: PosteriorImage, extrapolate: float) -> NDArray[np.bool_]:
+    """Return which cells (ny, nx) lie within `extrapolate` metres, centre to centre, of one that a reading saw."""
+    if extrapolate == 0.0 or image.seen.all() or not image.seen.any():
+        return image.seen
+    distance = ndimage.distance_transform_edt(~image.seen, sampling=image.resolution)
+    return np.asarray(distance <= extrapolate)
+
+
+def cut_to_known(found: Map, image: PosteriorImage | None, extrapolate: float) -> Map:
+    """Return a map without the occupied ground that no reading came near (:data:`WALL`).
+
+    `image`: of the run that the map is of; None: nothing is cut off. `extrapolate`: metres beyond seen cells that count
+    as known.
+    """
+    if image is None or image.seen.all():
+        return found
+    area = occupied_polygons(found.coloring)
+    ground = known_ground(image, max(extrapolate, WALL))
+    parts = [part for part in area.geoms if shapely.intersects(part, ground)]
+    near = shapely.MultiPolygon(parts)
+    for region in (shapely.intersection(near, ground), near):
+        polygons = [part for part in shapely.get_parts(region) if shapely.get_dimensions(part) == 2]
+        try:
+            coloring = from_polygons(shapely.MultiPolygon(polygons), found.coloring.window)
+        except InputError:  # the cut made parts touch at a point
+            continue
+        if coloring.n_edges > 0 or coloring.anchor_black:
+            return found._replace(coloring=coloring)
+    return found._replace(coloring=type(found.coloring).empty(found.coloring.window))
+
+
+def known_ground(image: PosteriorImage, extrapolate: float) -> BaseGeometry:
+    """Return the ground of the cells that :func:`known_cells` names, joined from boxes of whole runs in a row."""
+    row, ends = (np.diff(np.pad(known_cells(image, extrapolate), ((0, 0), (1, 1))).astype(np.int8)) != 0).nonzero()
+    low = image.origin + image.resolution * np.column_stack([ends[::2], row[::2]])
+    high = image.origin + image.resolution * np.column_stack([ends[1::2], row[1::2] + 1])
+    boxes = shapely.box(*(low - SEAM).T, *(high + SEAM).T)
+    ground: BaseGeometry = shapely.union_all(boxes)
+    return ground

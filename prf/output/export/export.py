@@ -1,0 +1,221 @@
+"""One export: formats and files, their content, and what a user should know."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import PurePath
+from typing import Any, NamedTuple
+
+import shapely
+from shapely import MultiPolygon
+
+from prf.model.coloring import oriented_polygons
+from prf.output.export.cells import cells_of, cut_to_known
+from prf.output.export.drawings import dxf_text, paper_ratio, svg_text
+from prf.output.export.netcdf import netcdf_bytes
+from prf.output.export.ros_map import ros_map
+from prf.output.export.source import Source, read_source, require_existing, stem_of
+from prf.output.export.tum import trajectory_of, tum_text
+from prf.results import map_text
+from prf.results.agreement import agreement
+from prf.shell.cli.files import STREAM, encoded, open_output, together
+from prf.shell.cli.outputs import exclusive, refuse_existing, refuse_inputs
+from prf.shell.errors import UsageError
+
+GEOJSON, ROS_MAP, SVG, DXF, NETCDF, TUM = FORMATS = ("geojson", "ros-map", "svg", "dxf", "netcdf", "tum")
+SUFFIXES = {
+    GEOJSON: (".geojson", ".json"),
+    ROS_MAP: (".yaml", ".yml", ".pgm"),
+    SVG: (".svg",),
+    DXF: (".dxf",),
+    NETCDF: (".nc", ".netcdf"),
+    TUM: (".tum",),
+}
+"""Suffixes of an output that name its format; the first one is that of an output without a name."""
+AGREED = 0.99
+"""Share of the seen ground on which chains agree, below which an export warns."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """How to export; None and False: not given."""
+
+    format: str | None = None  # one of `FORMATS`; None: by the suffix of the output
+    # number of the draw of a RUN to export instead of its best map, its posterior image or the mean of its poses, from
+    # 0; -1 is the last
+    draw: int | None = None
+    # of a ROS map: cells of a probability from the first to the second are unknown
+    unknown: tuple[float, float] | None = None
+    # of a ROS map: whether a cell is not completely white instead of the colour of its centre
+    squares: bool = False
+    resolution: float | None = None  # of a ROS map made from one map: side of a cell in metres
+    # metres beyond the cells that readings saw up to which a RUN or a GRID is exported as it has it; None: 0
+    extrapolate: float | None = None
+
+
+class File(NamedTuple):
+    """A file that was written, and its size."""
+
+    path: str
+    bytes: int
+
+
+class Exported(NamedTuple):
+    """What was written: format, files, figures about the content, and what its user should know."""
+
+    format: str
+    files: tuple[File, ...]
+    facts: dict[str, Any]
+    notes: tuple[str, ...]
+
+
+class _Content(NamedTuple):
+    parts: tuple[str | bytes, ...]
+    facts: dict[str, Any]
+    notes: tuple[str, ...] = ()
+
+
+def export_source(path: str | os.PathLike[str], output: str | None, options: Options, force: bool = False) -> Exported:
+    """Write a run, its trajectory, a grid or one map in the form of another program.
+
+    `path`: RUN directory, GRID file or map in GeoJSON. `output`: where to; None: named after the source, in the working
+    directory. ``-`` is standard output. `force`: overwrite an existing output.
+    """
+    require_existing(path)
+    name = resolve_format(options.format, output)
+    check_options(name, options)
+    files = targets(name, output, stem_of(path))
+    for file in files:
+        refuse_existing(file, force)
+    refuse_inputs(files, [os.fspath(path)])
+    with exclusive(*files):
+        source = read_source(path)
+        content = _content(name, source, options, files)
+        with together():  # the yaml file of a ROS map, which names the image, is written last
+            for target, part in reversed(list(zip(files, content.parts, strict=True))):
+                with open_output(target, binary=isinstance(part, bytes)) as stream:
+                    stream.write(part)
+    sizes = [len(encoded(part) if isinstance(part, str) else part) for part in content.parts]
+    return Exported(name, tuple(map(File, files, sizes)), content.facts, (*content.notes, *chains_notes(source)))
+
+
+def resolve_format(wanted: str | None, output: str | None) -> str:
+    """Return the format `wanted`, or else the one that the suffix of `output` names."""
+    if wanted is not None:
+        return wanted
+    suffix = "" if output is None else PurePath(output).suffix.lower()
+    for name, suffixes in SUFFIXES.items():
+        if suffix in suffixes:
+            return name
+    problem = "no format is given" if output is None else f"{output}: its suffix names no format"
+    raise UsageError(f"{problem}. Give --format {'|'.join(FORMATS)}.")
+
+
+def check_options(name: str, options: Options) -> None:
+    """Refuse options that format `name` has no use for, and values outside their domain (UsageError)."""
+    only_ros = {
+        "--unknown": options.unknown is not None,
+        "--squares": options.squares,
+        "--resolution": options.resolution is not None,
+    }
+    for flag, given in only_ros.items():
+        if given and name != ROS_MAP:
+            raise UsageError(f"{flag} is for --format {ROS_MAP}, not {name}.")
+    if options.extrapolate is not None and name in (NETCDF, TUM):
+        raise UsageError(f"--extrapolate is for maps, not for --format {name}.")
+    if options.extrapolate is not None and not 0.0 <= options.extrapolate < float("inf"):
+        raise UsageError(f"--extrapolate {options.extrapolate:g}: must be a number of metres, not negative.")
+    if options.draw is not None and name == NETCDF:
+        raise UsageError(f"--draw is for maps; --format {NETCDF} holds the values of all draws.")
+    if options.unknown is not None and not 0.0 <= options.unknown[0] <= options.unknown[1] <= 1.0:
+        low, high = options.unknown
+        raise UsageError(f"--unknown {low:g} {high:g}: needs two probabilities, the lower one first.")
+    if options.resolution is not None and not 0.0 < options.resolution < float("inf"):
+        raise UsageError(f"--resolution {options.resolution:g}: must be a positive number of metres.")
+
+
+def targets(name: str, output: str | None, stem: str) -> tuple[str, ...]:
+    """Return the files that an export writes: one, or for a ROS map the yaml file and the image.
+
+    `name`: the format. `output`: as the user gave it. Of a ROS map the name of either file, or their common stem.
+    `stem`: names the output if the user did not.
+    """
+    if output == STREAM and name in (ROS_MAP, NETCDF):
+        what = "is a pair of files" if name == ROS_MAP else "is binary"
+        raise UsageError(f"--format {name} {what} and cannot go to standard output. Name a file with -o.")
+    if name != ROS_MAP:
+        return (output if output is not None else stem + SUFFIXES[name][0],)
+    given = PurePath(stem if output is None else output)
+    if output is not None and given.suffix.lower() in (".yaml", ".yml"):
+        return str(given), str(given.with_suffix(".pgm"))
+    base = given.with_suffix("") if output is not None and given.suffix.lower() == ".pgm" else given
+    return f"{base}.yaml", f"{base}.pgm"
+
+
+def chains_notes(source: Source) -> tuple[str, ...]:
+    """Return a line where the chains of a run disagree on what was seen; of a grid or one map there is none."""
+    image = None if source.run is None else source.run.image
+    if image is None or image.disagreement is None:
+        return ()
+    found = agreement(image.disagreement, image.seen, image.origin, image.resolution)
+    if not found.seen < AGREED:
+        return ()
+    return (f"{found.words()}. Sample longer before you rely on it there: prf sample --resume {source.path}",)
+
+
+def _content(name: str, source: Source, options: Options, files: tuple[str, ...]) -> _Content:
+    if name == NETCDF:
+        return _netcdf(source)
+    if name == TUM:
+        figures = trajectory_of(source).figures()
+        return _Content((tum_text(source, options.draw),), {"n_poses": figures.pop("n"), **figures})
+    if name == ROS_MAP:
+        return _ros_map(source, options, PurePath(files[1]).name)
+    chosen = source.choose_map(options.draw)
+    if options.draw is None:
+        chosen = cut_to_known(chosen, source.image, options.extrapolate or 0.0)
+    area, window = oriented_polygons(chosen.coloring), chosen.coloring.window
+    facts, title = {"map": chosen.title, **_counts(area)}, _printable(chosen.title)
+    if name == GEOJSON:
+        return _Content((map_text(chosen.coloring, chosen.properties),), facts)
+    if name == DXF:
+        return _Content((dxf_text(area, window, title),), facts)
+    return _Content((svg_text(area, window, title),), {**facts, "scale": f"1:{paper_ratio(window):g}"})
+
+
+def _counts(area: MultiPolygon) -> dict[str, Any]:
+    """Return polygons, holes in them, corners of all rings (the closing one counted once) and square metres."""
+    n_rings = sum(1 + len(polygon.interiors) for polygon in area.geoms)
+    n_polygons, n_vertices = len(area.geoms), int(shapely.get_num_coordinates(area)) - n_rings
+    return {
+        "n_polygons": n_polygons,
+        "n_holes": n_rings - n_polygons,
+        "n_vertices": n_vertices,
+        "area": float(area.area),
+    }
+
+
+def _printable(title: str) -> str:
+    """Return a title in one line, with escapes for what is no character of a text: XML and DXF cannot hold it."""
+    plain = " ".join(title.split())
+    return "".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in plain)
+
+
+def _ros_map(source: Source, options: Options, image_name: str) -> _Content:
+    cells = cells_of(
+        source, options.draw, options.extrapolate or 0.0, squares=options.squares, resolution=options.resolution
+    )
+    made = ros_map(cells, options.unknown, image_name)
+    n_rows, n_columns = cells.probability.shape
+    facts = {"n_columns": n_columns, "n_rows": n_rows, "resolution": cells.resolution, **made.counts}
+    return _Content((made.yaml, made.image), facts)
+
+
+def _netcdf(source: Source) -> _Content:
+    run = source.require_run("chains")
+    content, chains = netcdf_bytes(run)
+    n_chains, n_draws = chains.rows.shape
+    facts = {"n_chains": n_chains, "n_draws_per_chain": n_draws, "n_draws_left_out": chains.n_left_out}
+    note = f"chains of uneven length: {chains.n_left_out} of {len(run.chain)} draws left out, beyond the shortest one."
+    return _Content((content,), facts, (note,) if chains.n_left_out else ())

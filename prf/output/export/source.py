@@ -1,0 +1,135 @@
+"""What an export starts from: a run, an occupancy grid, or one map in a file."""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from prf.model.coloring import Coloring, from_polygons
+from prf.model.window import Window
+from prf.results import PosteriorImage, Run, names, read_map_feature, read_run
+from prf.results.occupancy import OccupancyGrid, is_grid, read_grid
+from prf.results.score import read_occupied_area
+from prf.shell.cli.files import open_input
+from prf.shell.errors import InputError, UsageError
+
+PARTS = (names.POSTERIOR, names.POSES, names.MAP, names.DIAGNOSTICS)
+KEPT = ("log_posterior", "draw", "chain", "step")
+"""Properties of a map in a file that an export of it has too; the rest follows from the map."""
+STEM_SUFFIXES = (".run", ".npz", ".grid", ".geojson", ".json")
+MARGIN = 1.0  # metres of free space round the polygons of another program, which have no window
+
+
+class Map(NamedTuple):
+    """One map, the properties that go with it, and words for it."""
+
+    coloring: Coloring
+    properties: dict[str, Any]
+    title: str
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """A run, a grid or a map; the others are None."""
+
+    path: Path
+    run: Run | None = None
+    grid: OccupancyGrid | None = None
+    map: Map | None = None  # also the best map of the run, if it has one yet
+
+    def require_run(self, what: str) -> Run:
+        """Return the run (InputError if the source is a grid or one map, which has not `what`)."""
+        if self.run is None:
+            kind = "one map" if self.grid is None else "a grid"
+            raise InputError(f"{self.path}: {kind} has no {what}. Give the RUN directory that prf sample wrote.")
+        return self.run
+
+    @property
+    def image(self) -> PosteriorImage | None:
+        """Which cells readings saw: those of the run or of the grid; None for one map."""
+        if self.grid is not None:
+            return self.grid.image()
+        return None if self.run is None else self.run.image
+
+    def choose_map(self, draw: int | None) -> Map:
+        """Return draw number `draw` of the run, or for None the best map."""
+        if draw is not None:
+            return _draw_of(self.require_run("draws"), draw)
+        if self.map is not None:
+            return self.map
+        raise self.require_run("polygons").missing(names.MAP)
+
+
+def stem_of(path: str | os.PathLike[str]) -> str:
+    """Return the name of a source without the suffix of its kind."""
+    name = Path(path).resolve().name
+    for suffix in STEM_SUFFIXES:
+        name = name.removesuffix(suffix)
+    return name or "map"
+
+
+def require_existing(path: str | os.PathLike[str]) -> None:
+    """Raise InputError if nothing exists at `path`."""
+    if not Path(path).exists():
+        raise InputError(f"{path}: no such file or directory.")
+
+
+def read_source(path: str | os.PathLike[str]) -> Source:
+    """Return the run in the directory, or the grid or the map in the file, `path`."""
+    place = Path(path)
+    if is_grid(place):
+        return Source(place, grid=read_grid(place))
+    if not place.is_dir():
+        return Source(place, map=_read_map(place))
+    run = read_run(place, PARTS)
+    title = f"{stem_of(place)}, best map"
+    best = None if run.best is None else Map(run.best, {"log_posterior": run.best_log_posterior}, title)
+    return Source(place, run=run, map=best)
+
+
+def _read_map(file: Path) -> Map:
+    """Return the map of a GeoJSON file: as it is if prf wrote it, else in the window that it names or one round it."""
+    area = read_occupied_area(file)
+    with open_input(file) as stream:
+        content = json.loads(stream.read())
+    if content.get("schema") == names.SCHEMAS[names.MAP]:
+        coloring, properties = read_map_feature(file)
+        kept: dict[str, Any] = {key: properties[key] for key in KEPT if key in properties}
+        return Map(coloring, kept, stem_of(file))
+    if area.window is None and area.region.is_empty:
+        raise InputError(f"{file}: neither a polygon nor a window. Give polygons of the occupied area.")
+    window = area.window or Window.beyond(area.region.bounds, MARGIN)
+    try:
+        return Map(from_polygons(area.region, window), {}, stem_of(file))
+    except InputError as error:
+        raise InputError(f"{file}: {error}. Part polygons that touch at a point.") from error
+
+
+def draw_number(run: Run, number: int) -> int:
+    """Return the number of a draw from 0, of one that may be counted from the end (UsageError if there is none)."""
+    n = len(run.draws)
+    if not -n <= number < n:
+        held = "no draws yet" if n == 0 else f"draws 0 to {n - 1}"
+        raise UsageError(f"--draw {number}: {run.name} has {held}.")
+    return number % n
+
+
+def _draw_of(run: Run, number: int) -> Map:
+    number = draw_number(run, number)
+    properties: dict[str, Any] = {
+        "log_posterior": _log_posterior(run, number),
+        "draw": number,
+        "chain": int(run.chain[number]),
+        "step": int(run.step[number]),
+    }
+    return Map(run.draws[number], properties, f"{run.name}, draw {number}")
+
+
+def _log_posterior(run: Run, number: int) -> float | None:
+    """Return prior and likelihood of a draw together, as far as the run knows them."""
+    if not {"log_prior", "log_likelihood"} <= run.functionals.keys():
+        return None
+    return float(run.functionals["log_prior"][number] + run.functionals["log_likelihood"][number])

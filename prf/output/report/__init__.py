@@ -1,0 +1,3 @@
+"""A report on one run: a page that opens without a network, with the map, its draws, and answers computed from them."""
+
+from prf.output.report.page import write_report as write_report

@@ -1,0 +1,128 @@
+"""Words and tables of a report: what was mapped, whether the chains agree, and how the run was made."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from prf.readings import log_stem
+from prf.results import Run
+from prf.results.agreement import Place
+from prf.results.convergence import Diagnosis, time_words
+from prf.shell.cli.page.markup import escape, table
+from prf.shell.cli.pictures import counted, number, window_words
+
+
+def title_of(run: Run) -> str:
+    """Return what was mapped: the names of the logs, not that of their poses; else that of the run."""
+    stems: list[str] = []
+    poses = (run.manifest.get("configuration") or {}).get("poses")
+    for row in run.manifest.get("inputs") or ():
+        name = log_stem(str(row.get("path"))) if row.get("path") != poses else ""
+        stems += [name] if name not in ("", *stems) else []
+    return ", ".join(stems[:2]) or run.name
+
+
+def headline(run: Run) -> str:
+    """Return what was mapped from what."""
+    parts = [
+        counted(run.laser.n_beams, "laser beam") if run.laser is not None else "",
+        counted(run.sonar.n_beams, "sonar reading") if run.sonar is not None else "",
+        counted(len(run.points.value), "point observation") if run.points is not None else "",
+    ]
+    readings = " and ".join(part for part in parts if part) or "no reading"
+    draws = f"{counted(len(run.draws), 'map')} drawn by {counted(run.n_chains, 'chain')}"
+    return f"{draws} from {readings}, over a window of {window_words(run.draws.window)}."
+
+
+def agreement_line(run: Run) -> str:
+    """Return whether the chains agree, as markup; each place where they differ is a button."""
+    found, diagnosed = None if run.image is None else run.image.agreement(), run.diagnostics or {}
+    state = {True: "converged", False: "not converged", None: "agreement unknown"}[diagnosed.get("converged")]
+    tag = f'<span class="tag {state.split()[0]}">{state}</span> '
+    if found is None or math.isnan(found.seen):
+        return f"{tag}Where the chains agree is not known: that takes two of them."
+    line = f"{tag}The chains agree on {math.floor(100.0 * found.seen)} % of the seen ground"
+    if found.places:
+        last = len(found.places) - 1
+        places = [_place_button(place, "," if i < last else "") for i, place in enumerate(found.places)]
+        line += f", and differ most at {' '.join(places)}"
+    return f"{line}{_outlook(diagnosed)}."
+
+
+def _place_button(place: Place, after: str) -> str:
+    at = f"{place.x:.2f},{place.y:.2f},{math.sqrt(place.area):.2f}"
+    x, y = (number(round(value, 1) + 0.0, 1) for value in (place.x, place.y))  # never a negative zero
+    return f'<span class="keep"><button type="button" class="link" data-place="{at}">({x}, {y})</button>{after}</span>'
+
+
+def _outlook(diagnosed: Mapping[str, Any]) -> str:
+    if diagnosed.get("converged") is False and diagnosed.get("trend") == "flat":
+        return "; more time alone will not help"
+    seconds = diagnosed.get("suggested_seconds")
+    return f"; about {time_words(seconds)} more would bring agreement" if seconds else ""
+
+
+def trajectory_line(run: Run) -> str:
+    """Return how far poses that were sampled are from the given ones, and how well they are known."""
+    if run.trajectory is None:
+        return ""
+    farthest = float(np.hypot(*run.trajectory.correction[:, :2].T).max())
+    return f"{run.trajectory.words()}; the farthest by {number(100.0 * farthest, 1)} cm."
+
+
+def functional_table(run: Run) -> str:
+    """Return R-hat and effective sample size of every functional, those that do not agree first."""
+    rows = (run.diagnostics or {}).get("functionals") or {}
+    found = {name: _diagnosis(row) for name, row in rows.items()}
+    order = sorted(found, key=lambda name: (found[name].agrees(), -found[name].shortfall()))
+    head = ("functional", "R-hat", "ESS", "ground", "")
+    return table(head, [("", (escape(name), *_cells(found[name]))) for name in order], "list")
+
+
+def _diagnosis(row: Mapping[str, Any]) -> Diagnosis:
+    rhat, ess = (math.nan if row.get(name) is None else float(row[name]) for name in ("rhat", "ess"))
+    return Diagnosis(rhat, ess, row.get("state", "short"), bool(row.get("seen", True)))
+
+
+def _cells(found: Diagnosis) -> tuple[str, ...]:
+    varies = found.state == "varies"
+    state = f'<span class="{"good" if found.agrees() else "bad"}">{"agrees" if found.agrees() else "disagrees"}</span>'
+    if not varies:
+        state += f" <small>{escape(found.describe())}</small>"
+    figures = (f"{found.rhat:.3f}", number(found.ess, 0)) if varies else ("–", "–")
+    return *figures, "seen" if found.seen else "not seen", state
+
+
+def origin_table(run: Run) -> str:
+    """Return how the run was made: command, inputs, seed, steps, versions."""
+    made = run.manifest
+    rows = [
+        ("run", run.name),
+        ("created", made.get("created")),
+        ("command", " ".join(map(str, made.get("command") or ()))),
+        *(("input", f"{row.get('path')}, sha256 {row.get('sha256')}") for row in made.get("inputs") or ()),
+        ("status", made.get("status")),
+        ("steps a chain", f"{counted(made.get('steps') or 0, 'step')}, {made.get('burn_in') or 0:,} of them burn-in"),
+        ("sampling time", time_words(made["seconds"]) if made.get("seconds") else None),
+        ("seed", made.get("seed")),
+        ("versions", ", ".join(f"{name} {version}" for name, version in (made.get("versions") or {}).items())),
+    ]
+    return _plain(rows)
+
+
+def settings_table(run: Run) -> str:
+    """Return the settings of the run, those that were given first."""
+    given: Mapping[str, Any] = run.manifest.get("sources") or {}
+    settings = run.manifest.get("configuration") or {}
+    order = sorted(settings, key=lambda name: (name not in given, name))
+    words = {name: f"{settings[name]}  ({given[name]})" if name in given else settings[name] for name in order}
+    return _plain(list(words.items()))
+
+
+def _plain(rows: list[tuple[str, Any]]) -> str:
+    shown = [(name, str(value)) for name, value in rows if value not in (None, "")]
+    return table(("", ""), [("", (escape(name), escape(value))) for name, value in shown], "plain")

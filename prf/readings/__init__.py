@@ -1,0 +1,36 @@
+"""Readers: one file a format, all of them returning `Readings`."""
+
+from __future__ import annotations
+
+from prf.readings.describe import LogSummary, describe
+from prf.readings.open import log_stem, read_logs, read_readings
+from prf.readings.points import PointSummary, PointTable, describe_points, read_point_data
+from prf.readings.posed import Poses, read_poses
+from prf.readings.poses import CONE
+from prf.readings.readings import Kind, LogNotes, NoReadings, Readings, ScanTable
+from prf.readings.suspicions import warn_of_spoiling
+from prf.readings.table import write_table
+from prf.readings.thin import thin
+
+__all__ = [
+    "CONE",
+    "Kind",
+    "LogNotes",
+    "LogSummary",
+    "NoReadings",
+    "PointSummary",
+    "PointTable",
+    "Poses",
+    "Readings",
+    "ScanTable",
+    "describe",
+    "describe_points",
+    "log_stem",
+    "read_logs",
+    "read_point_data",
+    "read_poses",
+    "read_readings",
+    "thin",
+    "warn_of_spoiling",
+    "write_table",
+]

@@ -1,0 +1,193 @@
+"""Poses of a file (``--poses``) for scans whose log has none, or worse ones.
+
+A log is read on the robot first: its beams then begin and point as they do on what carries the sensor, and the place of
+the sensor there stands in `ScanTable.pose`. The poses of the file put it into the world.
+
+Scans are matched by time where both have clocks: the pose is interpolated between the two round the scan, linearly and
+along the shorter turn, unless these lie farther apart than `gap`; scans outside are dropped and counted. Without times,
+or if the two clocks share no second, pose i is that of scan i, and there must be as many of one as of the other.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from prf.readings.poses import MAX_TIES, mounted
+from prf.readings.readings import Readings, ScanTable
+from prf.readings.text import FloatArray, check_domains
+from prf.shell.cli.files import STREAM
+from prf.shell.errors import ConfigError, InputError
+from prf.shell.poses.trajectory import Order, Trajectory, in_seconds, interpolate, read_trajectory, rigid
+
+GAP = 2.0  # seconds between poses, up to which a robot is taken to go straight from one to the next
+SAME_TIME = 0.01  # seconds: a scan so near to a pose has it, since files round their times
+FEW = 0.002  # share of scans that a trajectory of another clock or in another unit places by chance
+CLIMB = 1.0  # metres upward, as no robot on one floor goes; of a camera z is ahead
+TILT, LYING = np.cos(np.radians(5.0)), np.cos(np.radians(45.0))
+"""Upward share of a z axis below which a remark is due, and below which poses are those of a camera or the like."""
+
+
+@dataclass(frozen=True)
+class Poses:
+    """Poses for the scans of a log, and how they belong to them.
+
+    `mount`: x, y and theta of the sensor (of a ring of sonars: of the robot) in the frame of the poses; None: as the
+    log has it. `gap`: seconds, `GAP`. `offset`: seconds added to the times of the poses.
+    """
+
+    trajectory: Trajectory
+    source: str
+    mount: tuple[float, float, float] | None = None
+    gap: float = GAP
+    offset: float = 0.0
+
+    @property
+    def times(self) -> FloatArray | None:
+        """Times of the poses (k,) by the clock of the scans, seconds."""
+        return None if self.trajectory.times is None else self.trajectory.times + self.offset
+
+
+def read_poses(path: str, quaternion: Order | None = None) -> Poses:
+    """Read the poses of a file, which belong to scans as the log and the defaults have it."""
+    trajectory = read_trajectory(path, quaternion, "readings.pose_quaternion")
+    return Poses(trajectory, "standard input" if path == STREAM else path)
+
+
+def placed(readings: Readings, poses: Poses) -> Readings:
+    """Return readings on the robot, whole, in the world; InputError if the poses do not belong to them."""
+    notes, scans, source = readings.notes, readings.notes.scans, readings.source
+    found, how, warnings = _matched(scans, poses, source)
+    known = np.isfinite(found[:, 0, 0])
+    upward = np.abs(found[known, 2, 2])
+    along_x, along_y, climbed = np.ptp(found[known, :3, 3], axis=0)
+    if np.median(upward) < LYING or climbed > max(CLIMB, 0.5 * np.hypot(along_x, along_y)):
+        raise InputError(
+            f"{poses.source}: these poses lie on their side or climb {climbed:.1f} m, as those of a camera do. Give "
+            "poses of a robot or a laser, with x ahead and z up."
+        )
+    if upward.min() < TILT:
+        warnings.append(f"poses are tilted by up to {np.degrees(np.arccos(upward.min())):.0f} degrees: laid flat")
+    beams, seats = (readings.origin, readings.angle), (scans.pose[:, :2], scans.pose[:, 2])
+    if poses.mount is not None:
+        is_ring = bool(readings.cone.any())
+        if len(notes.devices) > 1 and not is_ring:
+            which = f"{source} has {', '.join(notes.devices)}"
+            raise ConfigError(f"readings.pose_mount: {which}; choose the one that sits there with --topic.")
+        change = _mount_change(np.array(poses.mount), np.zeros(3) if is_ring else scans.pose[0])[None]
+        beams, seats = _moved(change, *beams), _moved(change, *seats)
+    row = np.searchsorted(scans.number, readings.scan)
+    origin, angle = _moved(found[row, :2], *beams)
+    where, heading = _moved(found[:, :2], *seats)
+    number, line, n_beams, device = (
+        column[known] for column in (scans.number, scans.line, scans.n_beams, scans.device)
+    )
+    table = ScanTable(number, line, n_beams, device, np.column_stack([where, heading])[known], scans.time[known])
+    check_domains(poses.source, table.number, {"x": table.pose[:, 0], "y": table.pose[:, 1]})
+    layout = f"{poses.trajectory.layout}, {len(poses.trajectory.poses)} poses"
+    words = f"{poses.source} ({layout}) {how}, {_of_what(readings, poses)}"
+    notes = replace(notes, scans=table, poses=words, warnings=(*notes.warnings, *warnings))
+    return replace(readings, origin=origin, angle=angle, notes=notes).where(known[row])
+
+
+def _of_what(readings: Readings, poses: Poses) -> str:
+    """Return in words what the poses are taken for, and where the sensor sits on it."""
+    if poses.mount is not None:
+        return "the sensor at x {:g} y {:g} theta {:g} of them by readings.pose_mount".format(*poses.mount)
+    scans, notes = readings.notes.scans, readings.notes
+    sites = {notes.devices[device]: pose for device, pose in zip(scans.device, scans.pose, strict=True)}
+    off = [f"{name} sits at x {p[0]:g} y {p[1]:g} theta {p[2]:g} on it" for name, p in sites.items() if p.any()]
+    return f"taken as those of {notes.poses}" + "".join(f"; {each}" for each in off[:3])
+
+
+def _mount_change(new: FloatArray, old: FloatArray) -> FloatArray:
+    """Return the motion (2, 4) of beams on the robot that takes a sensor from one place (3,) on it to another."""
+    turn = new[2] - old[2]
+    c, s = np.cos(turn), np.sin(turn)
+    x, y, _ = mounted(np.array([new[0], new[1], turn]), np.array([-old[0], -old[1], 0.0]))
+    return np.array([[c, -s, 0.0, x], [s, c, 0.0, y]])
+
+
+def _moved(motion: FloatArray, xy: FloatArray, angle: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return places (n, 2) and directions (n,) in the plane after motions (n, 2, 4) or (1, 2, 4), laid flat."""
+    cosine, sine = np.cos(angle), np.sin(angle)
+    ahead = motion[:, :, 0] * cosine[:, None] + motion[:, :, 1] * sine[:, None]
+    where = motion[:, :, 0] * xy[:, :1] + motion[:, :, 1] * xy[:, 1:] + motion[:, :, 3]
+    return where, np.arctan2(ahead[:, 1], ahead[:, 0])
+
+
+def _matched(scans: ScanTable, poses: Poses, source: str) -> tuple[FloatArray, str, list[str]]:
+    """Return the poses (n, 4, 4) of the scans, nan where unknown; how they were found; warnings."""
+    known, names = poses.trajectory.poses, poses.trajectory.names
+    why_not = _why_not_by_time(scans, poses, source)
+    if not why_not:
+        found, warnings = _by_time(scans, poses)
+        if np.isfinite(found[:, 0, 0]).sum() >= min(len(found), max(FEW * len(found), 2)):
+            return found, "matched by time", warnings
+        why_not = _why_apart(scans, poses, source)
+    if len(known) != len(scans.number):
+        counts = f"{source} has {len(scans.number)} scans, {poses.source} {len(known)} poses"
+        advice = "Give one pose a scan, or times in both (TUM, CSV t,x,y,theta)."
+        raise InputError(f"{why_not}; by order neither: {counts}. {advice}")
+    if names is not None and all(name[1:].isdigit() for name in names):  # of g2o
+        known = known[np.argsort([int(name[1:]) for name in names], kind="stable")]
+    warnings = [] if poses.times is None else [f"{why_not}; as many poses as scans: matched by order"]
+    return known, "matched by order", warnings
+
+
+def _why_not_by_time(scans: ScanTable, poses: Poses, source: str) -> str:
+    """Return why scans and poses cannot be matched by time, empty if they can."""
+    if poses.times is None:
+        return f"{poses.source} has no times"
+    if np.isnan(scans.time).all():
+        return f"the scans of {source} have no times"
+    clocks = [(poses.times, poses.source), *((scans.time[scans.device == d], source) for d in np.unique(scans.device))]
+    for time, name in clocks:
+        if len(np.unique(time)) < (1.0 - MAX_TIES) * len(time):
+            return f"many times of {name} are equal, too coarse to match by"
+    return ""
+
+
+def _by_time(scans: ScanTable, poses: Poses) -> tuple[FloatArray, list[str]]:
+    """Return the poses (n, 4, 4) at the times of the scans, nan where there is none, and warnings."""
+    assert poses.times is not None
+    found, n_outside = _interpolated(poses, poses.times, in_seconds(scans.time))
+    n_lost = int(np.count_nonzero(np.isnan(found[:, 0, 0])))
+    parts = {f"outside the time of {poses.source}": n_outside}
+    parts[f"between poses more than readings.pose_gap = {poses.gap:g} s apart"] = n_lost - n_outside
+    words = " and ".join(f"{n} {where}" for where, n in parts.items() if n)
+    return found, [f"{n_lost} of {len(found)} scans have no pose and are dropped: {words}"] if n_lost else []
+
+
+def _why_apart(scans: ScanTable, poses: Poses, source: str) -> str:
+    """Return why next to no scan has a pose by time, and what to do."""
+    assert poses.times is not None
+    time = in_seconds(scans.time)
+    first, last, start, end = np.nanmin(time), np.nanmax(time), poses.times.min(), poses.times.max()
+    if first <= end and last >= start:
+        why, change = f"next to no scan lies between two at most {poses.gap:g} s apart", "readings.pose_gap=SECONDS"
+    else:
+        why, change = "next to none is shared", f"readings.pose_offset={first - start + poses.offset:.3f}"
+    return (
+        f"times of {poses.source} are {start:.3f} to {end:.3f} s, of {source} {first:.3f} to {last:.3f} s, and {why}: "
+        f"give seconds of one clock, or --set {change}"
+    )
+
+
+def _interpolated(poses: Poses, times: FloatArray, at: FloatArray) -> tuple[FloatArray, int]:
+    """Return the poses (n, 4, 4) at times `at`, nan where unknown, and how many of these are outside of `times`."""
+    order = np.argsort(times, kind="stable")
+    order = order[np.r_[np.diff(times[order]) > 0.0, True]]  # of equal times the last pose counts
+    stamps, known = times[order], poses.trajectory.poses[order]
+    inside = (at >= stamps[0] - SAME_TIME) & (at <= stamps[-1] + SAME_TIME)
+    when = np.clip(np.where(np.isnan(at), stamps[0], at), stamps[0], stamps[-1])
+    after = np.clip(np.searchsorted(stamps, when), 1, max(len(stamps) - 1, 1)).clip(max=len(stamps) - 1)
+    before = np.maximum(after - 1, 0)
+    distance = np.minimum(np.abs(when - stamps[before]), np.abs(when - stamps[after]))
+    usable = inside & ((stamps[after] - stamps[before] <= poses.gap) | (distance <= SAME_TIME))
+    places, turns = interpolate(stamps, known[:, :3, 3], Rotation.from_matrix(known[:, :3, :3]), when)
+    found = rigid(turns.as_matrix(), places)
+    found[~usable] = np.nan
+    return found, int(np.count_nonzero(~inside))

@@ -1,6 +1,0 @@
-"""Pictures of runs and of maps; matplotlib is imported when a picture is drawn."""
-
-from prf.render.maps import render_best, render_draws, render_maps
-from prf.render.posterior import render_beams, render_cells, render_posterior
-
-__all__ = ["render_beams", "render_best", "render_cells", "render_draws", "render_maps", "render_posterior"]

@@ -1,3 +1,0 @@
-"""A report on one run: a page that opens without a network, with the map, its draws, and answers computed from them."""
-
-from prf.report.page import write_report as write_report

@@ -1,0 +1,29 @@
+"""How well a map predicts readings that it was not made from (docs/scores.md)."""
+
+from prf.results.score.heldout import SCORE_DEFAULTS, HeldOut, HeldOutSonar, hold_out, hold_out_sonar
+from prf.results.score.maps import DrawsMap, GridMap, PolygonMap, ScoredMap, open_map
+from prf.results.score.polygons import OccupiedArea, read_occupied_area
+from prf.results.score.score import LabelledPoints, classification_scores, draw_points, ranking_area, score
+from prf.results.score.truth import TrueCells, true_cells
+
+__all__ = [
+    "SCORE_DEFAULTS",
+    "DrawsMap",
+    "GridMap",
+    "HeldOut",
+    "HeldOutSonar",
+    "LabelledPoints",
+    "OccupiedArea",
+    "PolygonMap",
+    "ScoredMap",
+    "TrueCells",
+    "classification_scores",
+    "draw_points",
+    "hold_out",
+    "hold_out_sonar",
+    "open_map",
+    "ranking_area",
+    "read_occupied_area",
+    "score",
+    "true_cells",
+]

@@ -1,0 +1,291 @@
+"""The three kinds of map that can be scored, seen alike: draws of a RUN, cells of a GRID, polygons of a file."""
+
+from __future__ import annotations
+
+import math
+import os
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
+
+from prf.kernels.score.laser import add_densities, grid_beams
+from prf.kernels.score.sonar import Scene, add_sonar_densities, grid_cones
+from prf.model.coloring import Coloring, Draws, black_at_draws
+from prf.model.laser import LaserModel
+from prf.model.window import Window
+from prf.results import PosteriorImage, estimate, names, read_run
+from prf.results.occupancy import OccupancyGrid, is_grid, read_grid
+from prf.results.occupancy import occupied_probability as cells_occupied
+from prf.results.score.heldout import HeldOut, HeldOutSonar
+from prf.results.score.polygons import OccupiedArea, area_of_cells, read_occupied_area
+from prf.results.score.scene import enclosing_window, first_edges, outline, scene_of_coloring, scene_of_region
+from prf.shell.errors import InputError
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+BIN = 0.1  # metres of range that take the probability of one cell, or of one arc of cells
+OCCUPIED = 0.5  # cells above are walls of a GRID's contours
+
+
+class Prediction(NamedTuple):
+    """What a map predicts of beams."""
+
+    # (n,) predictive density of each reading, 1/m; of a censored one the probability to end beyond the window
+    density: Floats
+    # (n,) distance to the first obstacle in the best map; inf for none before the maximum range, 0 in occupied space,
+    # nan if there is no best map
+    distance: Floats
+    share_occupied: float  # share of pairs of a draw and a beam in which the sensor is in occupied space
+
+
+class SonarPrediction(NamedTuple):
+    """What a map predicts of sonar readings."""
+
+    # predictive density of each reading in 1/m, for no return its probability, by the name of the way to find it; ""
+    # where there is one way only
+    density: Mapping[str, Floats]
+    share_occupied: float  # share of pairs of a draw and a reading in which the sensor is in occupied space
+
+
+class ScoredMap(ABC):
+    """What a score needs of a map; `kind` is run, grid or map, `window` where it is known (None: everywhere)."""
+
+    kind: str
+    window: Window | None
+    n_draws: int = 1
+
+    @abstractmethod
+    def predict(self, beams: HeldOut) -> Prediction:
+        """Return the prediction for beams whose sensors are inside the window."""
+
+    @abstractmethod
+    def density(self, model: LaserModel, rays: Floats, readings: Floats) -> Floats:
+        """Return the predictive density (n,) of readings as the kernels take them, of rays that begin in the window."""
+
+    @abstractmethod
+    def predict_sonar(self, cones: HeldOutSonar) -> SonarPrediction:
+        """Return the prediction for sonar readings whose sensors are inside the window."""
+
+    def singles(self, most: int) -> Sequence[ScoredMap]:
+        """Return the maps of equal weight one by one, at most so many of them, spread evenly."""
+        return [self]
+
+    def best_alone(self) -> ScoredMap | None:
+        """Return the best map, by which distances are scored; None if there is none yet."""
+        return self
+
+    @abstractmethod
+    def occupied(self, xy: Floats, square: float) -> Floats:
+        """Return the probability that the square of this side round each point (n, 2) is not completely white.
+
+        0: the very point, of a GRID its cell; nan for a point outside the window.
+        """
+
+    def seen(self, xy: Floats) -> Bools | None:
+        """Return which points (n, 2) lie in cells that a reading of the map's own log crossed; None if not known."""
+        return np.ones(len(xy), np.bool_)
+
+
+class PolygonalMaps(ScoredMap):
+    """Polygonal maps of equal weight: densities are averaged over them. Without a window `region` is all occupied."""
+
+    region: BaseGeometry = shapely.MultiPolygon()
+
+    @abstractmethod
+    def _black(self, xy: Floats) -> Bools:
+        """Return which points are occupied in each map, (n_draws, n)."""
+
+    @abstractmethod
+    def _segments(self) -> Iterable[Floats]:
+        """Return the edges of each map, (n_edges, 4)."""
+
+    @abstractmethod
+    def _scenes(self, cones: HeldOutSonar) -> Iterable[Scene]:
+        """Return each map as cones look at it."""
+
+    @abstractmethod
+    def _best_distance(self, beams: HeldOut, rays: Floats, window: Window) -> Floats:
+        """Return the distances (n,) of the best map, as of :class:`Prediction`."""
+
+    def predict(self, beams: HeldOut) -> Prediction:
+        """Return the density averaged over maps, and the distances of the best one."""
+        rays, black = beams.rays(self.window), self._black(beams.origin)
+        density = self._density(beams.model, rays, beams.readings(rays), black)
+        return Prediction(density, self._best_distance(beams, rays, self._box(beams.model, rays)), float(black.mean()))
+
+    def density(self, model: LaserModel, rays: Floats, readings: Floats) -> Floats:
+        """Return the density averaged over maps."""
+        return self._density(model, rays, readings, self._black(rays[:, :2]))
+
+    def _density(self, model: LaserModel, rays: Floats, readings: Floats, black: Bools) -> Floats:
+        window, total = self._box(model, rays), np.zeros(len(rays))
+        for segments, occupied in zip(self._segments(), black, strict=True):
+            add_densities(model.to_array(), readings, first_edges(rays, segments, window), occupied, total)
+        return total / self.n_draws
+
+    def _box(self, model: LaserModel, rays: Floats) -> Window:
+        return self.window or enclosing_window(rays[:, :2], model.max_range, self.region)
+
+    def predict_sonar(self, cones: HeldOutSonar) -> SonarPrediction:
+        """Return the density averaged over maps."""
+        model, black = cones.model.to_array(), self._black(cones.origin)
+        total = np.zeros(len(cones.pose))
+        for scene, occupied in zip(self._scenes(cones), black, strict=True):
+            add_sonar_densities(scene, model, cones.pose, occupied, total)
+        return SonarPrediction({"": total / self.n_draws}, float(black.mean()))
+
+
+class DrawsMap(PolygonalMaps):
+    """The draws of a RUN, every one a possible map, and its best map.
+
+    `draws`: at least one. `image`: holds which cells readings saw; None: not known.
+    """
+
+    kind = "run"
+
+    def __init__(self, draws: Draws, best: Coloring | None, image: PosteriorImage | None = None) -> None:
+        if len(draws) == 0:
+            raise InputError("no draws yet: nothing can be scored. Go on with prf sample --resume.")
+        self.draws = draws
+        self.best = best
+        self.image = image
+        self.window: Window = draws.window
+        self.n_draws = len(draws)
+
+    def singles(self, most: int) -> Sequence[ScoredMap]:
+        """Return draws, spread evenly over the chains, which follow one another."""
+        chosen = np.unique(np.linspace(0, len(self.draws) - 1, min(most, len(self.draws))).round().astype(int))
+        return [_alone(self.draws[i]) for i in chosen.tolist()]
+
+    def best_alone(self) -> ScoredMap | None:
+        """Return the best map as a run of one draw."""
+        return None if self.best is None else _alone(self.best)
+
+    def _black(self, xy: Floats) -> Bools:
+        if len(xy) == 0:
+            return np.zeros((len(self.draws), 0), np.bool_)
+        x, y = np.ascontiguousarray(xy.T)
+        first = np.r_[True, (x[1:] != x[:-1]) | (y[1:] != y[:-1])]  # beams of a scan follow one another
+        return np.ascontiguousarray(black_at_draws(self.draws, xy[first])[:, np.cumsum(first) - 1])
+
+    def _segments(self) -> Iterable[Floats]:
+        return (draw.segments() for draw in self.draws)
+
+    def _scenes(self, cones: HeldOutSonar) -> Iterable[Scene]:
+        return (scene_of_coloring(draw, cones.model.max_range) for draw in self.draws)
+
+    def _best_distance(self, beams: HeldOut, rays: Floats, window: Window) -> Floats:
+        if self.best is None:
+            return np.full(len(rays), np.nan)
+        black = black_at_draws(Draws.from_colorings([self.best]), beams.origin)[0]
+        return np.where(black, 0.0, first_edges(rays, self.best.segments(), window))
+
+    def occupied(self, xy: Floats, square: float) -> Floats:
+        """Return the share of draws in which the square round each point is not completely white."""
+        return estimate.occupied_probability(self.draws, xy, square)
+
+    def seen(self, xy: Floats) -> Bools | None:
+        """Return which points lie in cells of the image that a reading crossed or ended in."""
+        return None if self.image is None else self.image.seen_at(xy)
+
+
+def _alone(coloring: Coloring) -> DrawsMap:
+    return DrawsMap(Draws.from_colorings([coloring]), coloring)
+
+
+class PolygonMap(PolygonalMaps):
+    """One map as polygons of occupied area, which have no record of what was seen."""
+
+    kind = "map"
+
+    def __init__(self, area: OccupiedArea) -> None:
+        self.region = area.region
+        self.window = area.window
+        shapely.prepare(self.region)
+
+    def _black(self, xy: Floats) -> Bools:
+        return np.asarray(shapely.contains_xy(self.region, xy))[None]
+
+    def _segments(self) -> Iterable[Floats]:
+        return [outline(self.region, self.window)[0]]
+
+    def _scenes(self, cones: HeldOutSonar) -> Iterable[Scene]:
+        return [scene_of_region(self.region, self.window, cones.origin, cones.model.max_range)]
+
+    def _best_distance(self, beams: HeldOut, rays: Floats, window: Window) -> Floats:
+        (segments,) = self._segments()
+        return np.where(self._black(beams.origin)[0], 0.0, first_edges(rays, segments, window))
+
+    def occupied(self, xy: Floats, square: float) -> Floats:
+        """Return 1 where the square round a point is not completely white, 0 elsewhere."""
+        known = np.ones(len(xy), np.bool_) if self.window is None else self.window.contains(xy)
+        if square == 0.0:
+            return np.where(known, self._black(xy)[0].astype(np.float64), np.nan)
+        low, high = xy - 0.5 * square, xy + 0.5 * square
+        black = shapely.intersects(self.region, shapely.box(low[:, 0], low[:, 1], high[:, 0], high[:, 1]))
+        return np.where(known, black.astype(np.float64), np.nan)
+
+
+class GridMap(ScoredMap):
+    """The cells of a GRID."""
+
+    kind = "grid"
+
+    def __init__(self, grid: OccupancyGrid) -> None:
+        self.grid = grid
+        self.window: Window = grid.window
+
+    def predict(self, beams: HeldOut) -> Prediction:
+        """Return the density that first hits among the cells give, and the distance of the first likely one."""
+        rays = beams.rays(self.window)
+        density, distance = self._beams(beams.model, rays, beams.readings(rays))
+        at_sensor = cells_occupied(self.grid, beams.origin) > OCCUPIED
+        return Prediction(density, np.where(at_sensor, 0.0, distance), float(at_sensor.mean()))
+
+    def density(self, model: LaserModel, rays: Floats, readings: Floats) -> Floats:
+        """Return the density that first hits among the cells give."""
+        return self._beams(model, rays, readings)[0]
+
+    def _beams(self, model: LaserModel, rays: Floats, readings: Floats) -> tuple[Floats, Floats]:
+        density, distance = np.empty(len(rays)), np.empty(len(rays))
+        occupancy = self.grid.occupancy.astype(np.float64)
+        grid_beams(self.grid.cells, occupancy, model.to_array(), BIN, rays, readings, density, distance)
+        return density, distance
+
+    def predict_sonar(self, cones: HeldOutSonar) -> SonarPrediction:
+        """Return the densities that the contours of the grid give, and that first hits among its cells give."""
+        contours = PolygonMap(OccupiedArea(contours_of(self.grid), self.window)).predict_sonar(cones)
+        first_hit = np.empty(len(cones.pose))
+        occupancy, model = self.grid.occupancy.astype(np.float64), cones.model
+        # A cell returns the pulse as surely as a wall at no distance, face on.
+        stray = 1.0 / (1.0 + math.exp(model.surface_bias))
+        grid_cones(self.grid.cells, occupancy, model.to_array(), stray, BIN, cones.pose, first_hit)
+        return SonarPrediction({"contours": contours.density[""], "first_hit": first_hit}, contours.share_occupied)
+
+    def occupied(self, xy: Floats, square: float) -> Floats:
+        """Return the probability that not all cells whose centres lie in the square round each point are free."""
+        return cells_occupied(self.grid, xy, square)
+
+    def seen(self, xy: Floats) -> Bools:
+        """Return which points lie in cells that a reading hit or missed."""
+        return self.grid.image().seen_at(xy)
+
+
+def contours_of(grid: OccupancyGrid) -> BaseGeometry:
+    """Return the area of all cells above 0.5, its staircases straightened."""
+    return area_of_cells(grid.occupancy > OCCUPIED, grid.origin, grid.resolution)
+
+
+def open_map(path: str | os.PathLike[str]) -> ScoredMap:
+    """Return the map at `path`: a RUN directory, a GRID file, or else GeoJSON."""
+    if Path(path).is_dir():
+        run = read_run(path, parts=(names.MAP, names.POSTERIOR))
+        return DrawsMap(run.draws, run.best, run.image)
+    return GridMap(read_grid(path)) if is_grid(path) else PolygonMap(read_occupied_area(path))

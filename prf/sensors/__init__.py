@@ -1,1 +1,0 @@
-"""Sensor models: parameters, likelihood and the index of readings of one sensor kind a module."""

@@ -1,0 +1,321 @@
+"""Settings of both tools: a tree of pydantic models, from TOML over presets, under ``--set`` and flags."""
+
+from __future__ import annotations
+
+import difflib
+import importlib.resources
+import json
+import os
+import re
+import tomllib
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from types import MappingProxyType
+from typing import Any, ClassVar, Generic, NamedTuple, Self, TypeVar
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic_core import ErrorDetails
+
+from prf.shell.cli.files import STREAM, open_input
+from prf.shell.errors import ConfigError, UsageError
+
+PRESET = "preset"
+"""The one key outside the tables: a name or several, whose values the file is laid over."""
+
+NOTHING: Mapping[str, Any] = MappingProxyType({})
+DEFAULT = "default"
+Values = dict[str, dict[str, Any]]
+"""Table to key to value."""
+Layer = tuple[str, Values]
+"""What messages call it, and its values; the name may have ``{table}`` and ``{key}`` in it."""
+
+
+class Table(BaseModel):
+    """A table of a settings file; its docstring is its heading."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    def check(self) -> None:
+        """Raise ConfigError or UsageError where the values together make no model."""
+
+    @model_validator(mode="after")
+    def _checked(self) -> Self:
+        try:
+            self.check()
+        except (ConfigError, UsageError) as error:
+            raise ValueError(str(error)) from None
+        return self
+
+
+class Tree(BaseModel):
+    """All settings of a tool, a field a table."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+    PACKAGE: ClassVar[str]  # its files ``presets/NAME.toml`` are the presets
+
+    @classmethod
+    def flag(cls, place: str) -> str:
+        """Return the flag that sets ``TABLE.KEY``."""
+        return "--" + place.partition(".")[2].replace("_", "-")
+
+    @classmethod
+    def tables(cls) -> dict[str, type[Table]]:
+        """Return the tables by name."""
+        found = {name: field.annotation for name, field in cls.model_fields.items()}
+        return {name: table for name, table in found.items() if isinstance(table, type) and issubclass(table, Table)}
+
+    def get(self, key: str) -> Any:
+        """Return the value of ``TABLE.KEY``."""
+        table, name = key.split(".")
+        return getattr(getattr(self, table), name)
+
+
+T = TypeVar("T", bound=Tree)
+
+
+class Loaded(NamedTuple, Generic[T]):
+    """Settings, and ``TABLE.KEY`` to what has set it: ``--noise``, ``site.toml: [laser] noise``, ``preset ...``."""
+
+    settings: T
+    sources: dict[str, str]
+
+
+def key(default: Any, unit: str, meaning: str, **constraints: Any) -> Any:
+    """Return the pydantic field of a key: its default, its unit (empty for a plain number) and what it means."""
+    return Field(default, description=meaning, json_schema_extra={"unit": unit}, **constraints)
+
+
+def unit_of(table: type[Table], name: str) -> str:
+    """Return the unit of a key."""
+    extra = table.model_fields[name].json_schema_extra
+    return str(extra["unit"]) if isinstance(extra, dict) else ""
+
+
+def load(
+    tree: type[T],
+    path: str | os.PathLike[str] | None = None,
+    presets: Sequence[str] = (),
+    assignments: Sequence[str] = (),
+    flags: Mapping[str, Any] = NOTHING,
+    defaults: Mapping[str, Any] = NOTHING,
+    tables: Collection[str] | None = None,
+) -> Loaded[T]:
+    """Return settings: flags over assignments over a file over presets over defaults.
+
+    `path`: a file of TOML; ``-`` is standard input. `presets`: names that replace those in the file. `assignments`:
+    ``TABLE.KEY=VALUE``; VALUE as in TOML, where a word needs no quotes. `flags`: ``TABLE.KEY`` to value; None: not
+    given. `defaults`: ``TABLE.KEY`` to a value that replaces the tree's default. `tables`: those that are read; an
+    assignment to another is refused (UsageError), while a file may hold all. ConfigError names what cannot be used.
+    """
+    own = {} if path is None else _read_toml(path)
+    name = "standard input" if path is not None and os.fspath(path) == STREAM else path
+    given, where = own.pop(PRESET, ()), f"{name}: preset"
+    if presets:
+        given, where = presets, "--preset"
+    layers = _preset_layers(tree, [given] if isinstance(given, str) else given, where)
+    layers.append((f"{name}: [{{table}}] {{key}}", own))
+    layers += [("--set {table}.{key}", _assigned(text, tables)) for text in assignments]
+    layers += [(tree.flag(place), _nested(place, value)) for place, value in flags.items() if value is not None]
+    return _merged(tree, [(DEFAULT, _nested(*each)) for each in defaults.items()] + layers)
+
+
+def load_options(
+    tree: type[T], options: Mapping[str, Any], tables: Collection[str], defaults: Mapping[str, Any] = NOTHING
+) -> Loaded[T]:
+    """Return what the options of a verb that reads `tables` ask for; others of their keys are refused by --set.
+
+    `options`: ``config``, ``preset``, ``assignments``, and values by the names of their flags; the rest is passed over.
+    """
+    places = [f"{table}.{name}" for table in tables for name in tree.tables()[table].model_fields]
+    names = {place: tree.flag(place).removeprefix("--").replace("-", "_") for place in places}
+    flags = {place: options[name] for place, name in names.items() if name in options}
+    path, presets, assignments = (options.get(name) for name in ("config", "preset", "assignments"))
+    return load(tree, path, presets or (), assignments or (), flags, defaults, tables)
+
+
+def _preset_layers(tree: type[T], names: Any, where: str) -> list[Layer]:
+    """Return the values of presets, of which no two may set the same table."""
+    if not isinstance(names, list | tuple) or not all(isinstance(name, str) for name in names):
+        raise ConfigError(f"{where} = {names!r}: must be the name of a preset, or an array of names.")
+    layers: list[Layer] = []
+    owner: dict[str, str] = {}
+    for name in names:
+        values = read_preset(tree, name, where)
+        for table in values:
+            if table in owner:
+                raise ConfigError(f"{where}: presets {owner[table]} and {name} both set [{table}]. Choose one of them.")
+            owner[table] = name
+        layers.append((f"preset {name}: [{{table}}] {{key}}", values))
+    return layers
+
+
+def read_preset(tree: type[Tree], name: str, where: str = "--preset") -> Values:
+    """Return the values of a preset; an unknown name raises ConfigError, whose message begins with `where`."""
+    known = preset_names(tree)
+    if name not in known:
+        raise ConfigError(f"{where}: there is no preset {name!r}. {_instead(name, known)}")
+    return tomllib.loads(preset_text(tree, name))
+
+
+def preset_names(tree: type[Tree]) -> list[str]:
+    """Return the names of all presets, sorted."""
+    files = (importlib.resources.files(tree.PACKAGE) / "presets").iterdir()
+    return sorted(file.name.removesuffix(".toml") for file in files if file.name.endswith(".toml"))
+
+
+def preset_text(tree: type[Tree], name: str) -> str:
+    """Return the file of a preset, with the source of every value in its comments."""
+    return (importlib.resources.files(tree.PACKAGE) / "presets" / f"{name}.toml").read_text(encoding="utf-8")
+
+
+def _read_toml(path: str | os.PathLike[str]) -> dict[str, Any]:
+    with open_input(path) as stream:
+        data = stream.read()
+    try:
+        return tomllib.loads(data.decode("utf-8-sig"))
+    except (ValueError, RecursionError) as error:
+        raise ConfigError(f"{os.fspath(path)}: not valid TOML ({error}).") from None
+
+
+def _assigned(text: str, tables: Collection[str] | None) -> Values:
+    place, equals, value = (part.strip() for part in text.partition("="))
+    if not equals or not re.fullmatch(r"\w+\.\w+", place):
+        raise UsageError(f"--set {text}: give TABLE.KEY=VALUE, as in --set prior.scale=0.2.")
+    table = place.partition(".")[0]
+    if tables is not None and table not in tables:
+        raise UsageError(f"--set {place}: [{table}] is not read here. Set a key of {', '.join(tables)}.")
+    try:
+        return _nested(place, tomllib.loads(f"value = {value}")["value"])
+    except tomllib.TOMLDecodeError:
+        return _nested(place, value)
+
+
+def _nested(place: str, value: Any) -> Values:
+    table, name = place.split(".")
+    return {table: {name: value}}
+
+
+def _merged(tree: type[T], layers: Iterable[Layer]) -> Loaded[T]:
+    merged: Values = {}
+    sources: dict[str, str] = {}
+    for source, tables in layers:
+        for table, values in tables.items():
+            if not isinstance(values, dict):
+                place = source.partition(": [")[0]
+                raise ConfigError(f"{place}: {table} is outside the tables. {_home(tree, table)}")
+            merged.setdefault(table, {}).update(values)
+            sources |= {f"{table}.{name}": source.format(table=table, key=name) for name in values}
+            sources.setdefault(table, source.partition(": [")[0])
+    settings = build(tree, merged, sources)
+    return Loaded(settings, {place: each for place, each in sources.items() if "." in place and each != DEFAULT})
+
+
+def build(tree: type[T], values: Values, sources: Mapping[str, str]) -> T:
+    """Return settings with these values; a ConfigError names the one that cannot be used as `sources` do."""
+    try:
+        # As JSON: arrays may become tuples there, and no word becomes a number.
+        return tree.model_validate_json(json.dumps(values, default=_plain), strict=True)
+    except ValidationError as error:
+        raise ConfigError(_message(tree, error.errors()[0], sources)) from None
+
+
+def _plain(value: Any) -> Any:
+    """Return a number of numpy, a date or the like as JSON can have it."""
+    return value.tolist() if hasattr(value, "tolist") else str(value)
+
+
+def _home(tree: type[Tree], name: str) -> str:
+    if name in tree.tables():
+        return f"Write [{name}] once, and its keys below."
+    homes = [f"[{table}]" for table, model in tree.tables().items() if name in model.model_fields]
+    return f"Move it to {' or '.join(homes)}." if homes else _instead(name, [PRESET, *tree.tables()])
+
+
+def _message(tree: type[Tree], error: ErrorDetails, sources: Mapping[str, str]) -> str:
+    """Return one line for an error of pydantic: where, what, and what may have been meant."""
+    table, *rest = map(str, error["loc"])
+    if table not in tree.tables():
+        return f"{sources[table]}: there is no table [{table}]. {_instead(table, tree.tables())}"
+    fields = tree.tables()[table].model_fields
+    if not rest:
+        return _of_table(table, str(error["msg"]).removeprefix("Value error, "), sources)
+    place = sources[f"{table}.{rest[0]}"]
+    if error["type"] == "extra_forbidden":
+        return f"{place}: there is no such key. {_instead(rest[0], fields)}"
+    return f"{place} = {_toml(error['input'])}: {error['msg'].replace('Input should be', 'must be')}."
+
+
+def _of_table(table: str, words: str, sources: Mapping[str, str]) -> str:
+    """Return the refusal of a whole table with the source of the key that it names."""
+    words = words.removeprefix(f"{table}: ").removeprefix("--").removeprefix(f"{table}-")
+    keys = [place.partition(".")[2] for place in sources if place.startswith(f"{table}.")]
+    named = [each for each in keys if each in words.replace("-", "_")]
+    if not named:
+        return f"{sources[table]}: [{table}] {words}"
+    plain = words.replace("-", "_")
+    chosen = max(named, key=lambda each: (plain.startswith(each), len(each)))
+    source = sources[f"{table}.{chosen}"]
+    return f"{source}{words[len(chosen) :]}" if plain.startswith(chosen) else f"{source}: {words}"
+
+
+def _instead(name: str, known: Iterable[str]) -> str:
+    """Return what may have been meant by a name that is none of `known`."""
+    names = list(known)
+    close = difflib.get_close_matches(name.replace("-", "_").lower(), names, n=1)
+    close = close or difflib.get_close_matches(name.lower(), names, n=1)
+    return f"Did you mean {close[0]}?" if close else f"Known are {', '.join(names)}."
+
+
+def settings_text(values: Mapping[str, Mapping[str, Any]], comments: Mapping[str, str]) -> str:
+    """Return the text of a settings file; its numbers are read back to the last bit.
+
+    `comments`: for ``""`` (the head of the file), ``"TABLE"`` or ``"TABLE.KEY"``; the first two may have several lines.
+    """
+    parts = [_comment(comments.get("", ""))]
+    for table, content in values.items():
+        lines = {name: f"{name} = {_toml(value)}" for name, value in content.items()}
+        width = max(map(len, lines.values()), default=0)
+        notes = {name: comments.get(f"{table}.{name}", "") for name in lines}
+        rows = [f"{line:<{width}}  # {notes[name]}" if notes[name] else line for name, line in lines.items()]
+        parts.append(_comment(comments.get(table, "")) + "\n".join([f"[{table}]", *rows]) + "\n")
+    return "\n".join(part for part in parts if part)
+
+
+def described_text(loaded: Loaded[T], head: str) -> str:
+    """Return a settings file with every key: its meaning, and what has set it; keys without value as comments."""
+    values: Values = {}
+    comments = {"": head}
+    for table, model in type(loaded.settings).tables().items():
+        lines, values[table] = [model.__doc__ or ""], {}
+        for name, field in model.model_fields.items():
+            unit, place = unit_of(model, name), f"{table}.{name}"
+            words = (f"[{unit}] " if unit else "") + (field.description or "")
+            value = loaded.settings.get(place)
+            if value is None:
+                lines.append(f"{name}: {words}")
+            else:
+                values[table][name], comments[place] = value, words + _set_by(loaded.sources.get(place))
+        comments[table] = "\n".join(lines)
+    return settings_text(values, comments)
+
+
+def _set_by(source: str | None) -> str:
+    return "" if source is None else f" ({source.partition(':')[0] if source.startswith('preset ') else 'set here'})"
+
+
+def _comment(text: str) -> str:
+    return "".join(f"# {line}".rstrip() + "\n" for line in text.splitlines())
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(_toml, value))}]"
+    return repr(value) if isinstance(value, float) else json.dumps(value, ensure_ascii=False, default=str)
+
+
+def values_of(settings: Tree) -> Values:
+    """Return the values by table, without keys that are None."""
+    return {table: dict(_set_in(getattr(settings, table))) for table in type(settings).tables()}
+
+
+def _set_in(table: Table) -> Iterator[tuple[str, Any]]:
+    return ((name, value) for name, value in table if value is not None)

@@ -1,0 +1,1 @@
+"""Compilation of kernels: the cache of machine code, progress, compiling ahead."""

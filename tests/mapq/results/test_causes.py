@@ -1,0 +1,200 @@
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mapq.features import FeatureSettings, patch_features
+from mapq.io.results import result_cloud
+from mapq.patches import NO_PATCH
+from mapq.results import assess
+from mapq.results.causes import LOCAL, MISSED_LOOP, UNKNOWN, Spread, cause_of, find_causes, nested_spread
+from mapq.results.visits import Visits, visits_of
+from tests.mapq.factories import make_patches, shuffled, wall
+from tests.mapq.results.test_result import make_model
+
+N_SCANS = 20
+"""Of each of two laps; they see the wall in the first ten, and something else in all."""
+NOISE = 0.01
+
+
+def way_of(scan: int) -> np.ndarray:
+    """Return where the sensor is: forth along a wall, and round a block 40 m deep."""
+    share = (scan % N_SCANS) / N_SCANS
+    corners = np.array([[0.0, -5.0], [20.0, -5.0], [20.0, -45.0], [0.0, -45.0], [0.0, -5.0]])
+    way = np.array([0.0, 0.25, 0.5, 0.75, 1.0])
+    return np.array([np.interp(share, way, corners[:, 0]), np.interp(share, way, corners[:, 1]), 1.0])
+
+
+def wall_of_two_laps(lap: float, jitter: float, noise: float = NOISE, seed: int = 0, gap: float = 0.15):
+    """Return the patches of a wall: points apart from its middle by more than `gap` are other patches.
+
+    The second lap puts the wall `lap` metres off, and every scan puts it anywhere within `jitter` of that.
+    """
+    rng = np.random.default_rng(seed)
+    points, scans = [], []
+    for scan in [*range(10), *range(N_SCANS, N_SCANS + 10)]:
+        seen = wall((0, 0), (10, 0)).sample(rng, 6.0, noise)
+        seen[:, 1] += lap * (scan >= N_SCANS) + rng.choice([-0.5, 0.5]) * jitter
+        points.append(seen)
+        scans.append(np.full(len(seen), scan))
+    xyz, scan = np.concatenate(points), np.concatenate(scans)
+    layer = (xyz[:, 1] > np.mean([xyz[:, 1].min(), xyz[:, 1].max()])) & (lap + jitter > gap)
+    order = np.argsort(layer, kind="stable")
+    parts = [xyz[~layer], xyz[layer]] if layer.any() else [xyz]
+    patches = make_patches(parts, [(0, 1, 0)] * len(parts), loose=2 * N_SCANS)
+    scan = np.concatenate([scan[order], np.arange(2 * N_SCANS)])
+    ray = np.array([way_of(each) for each in range(2 * N_SCANS)])[scan] - patches.cloud.xyz
+    fields = {"scan": scan, **{f"to_sensor_{axis}": ray[:, k] for k, axis in enumerate("xyz")}}
+    return replace(patches, cloud=replace(patches.cloud, fields=fields))
+
+
+def causes_of(patches):
+    every = np.ones(len(patches), bool)
+    return list(find_causes(patches, patch_features(patches), every, visits_of(patches.cloud)).values())
+
+
+@pytest.mark.parametrize("lap", [0.1, 0.4, 0.8])
+def test_laps_that_disagree_are_a_missed_loop(lap):
+    for cause in causes_of(wall_of_two_laps(lap, 0.02)):
+        assert cause.kind == MISSED_LOOP
+        assert cause.measures["between_visits_m"] == pytest.approx(lap, rel=0.1)
+        assert cause.measures["within_visits_m"] < 0.04
+        assert cause.measures["away_m"] == pytest.approx(68.0, abs=1e-6)
+        metres, low, high = (float(x) for x in re.search(r"lies (.*) m \((.*) to (.*)\) off", cause.text).groups())
+        assert metres == pytest.approx(lap, abs=0.03)
+        assert low <= lap <= high
+
+
+@pytest.mark.parametrize("jitter", [0.1, 0.4])
+def test_neighbouring_scans_that_disagree_are_a_local_error(jitter):
+    for cause in causes_of(wall_of_two_laps(0.0, jitter)):
+        assert cause.kind == LOCAL
+        assert cause.measures["within_visits_m"] == pytest.approx(np.sqrt(0.5) * jitter, rel=0.15)
+        assert cause.measures["n_visits"] == 2
+
+
+def test_the_larger_of_two_errors_is_the_cause():
+    assert {cause.kind for cause in causes_of(wall_of_two_laps(0.6, 0.2))} == {MISSED_LOOP}
+    assert {cause.kind for cause in causes_of(wall_of_two_laps(0.1, 0.6))} == {LOCAL}
+
+
+def test_scans_that_agree_name_no_cause():
+    (cause,) = causes_of(wall_of_two_laps(0.0, 0.0))
+    assert (cause.kind, cause.text) == (UNKNOWN, "scans that see it agree within 0.05 m")
+
+
+def test_what_single_scans_see_twice_is_no_error_of_theirs():
+    (cause,) = causes_of(wall_of_two_laps(0.1, 0.0, noise=0.15, gap=9.0))
+    assert cause.kind == UNKNOWN
+    assert "within each scan" in cause.text
+
+
+def test_one_scan_alone_blames_nobody():
+    patches = wall_of_two_laps(0.4, 0.0)
+    once = replace(patches, cloud=patches.cloud.with_fields(scan=(patches.patch == NO_PATCH).astype(int)))
+    assert {(cause.kind, cause.text) for cause in causes_of(once)} == {(UNKNOWN, "one scan alone saw it")}
+
+
+def test_passes_are_named_where_nothing_else_is_known():
+    patches = wall_of_two_laps(0.4, 0.0)
+    fields = {"pass_id": (patches.cloud.fields["scan"] >= N_SCANS).astype(np.int16)}
+    found = causes_of(replace(patches, cloud=replace(patches.cloud, fields=fields)))
+    assert {cause.kind for cause in found} == {MISSED_LOOP}
+    assert all(re.fullmatch(r"passes put it 0\.[34]\d m \(.* to .*\) apart", cause.text) for cause in found)
+
+
+def test_metres_are_those_of_the_spread_where_no_disagreement_is_known():
+    patches = wall_of_two_laps(0.4, 0.0)
+    features = patch_features(patches, FeatureSettings(context=()))
+    found = find_causes(patches, features, np.ones(len(patches), bool), visits_of(patches.cloud))
+    assert {cause.text for cause in found.values()} == {"seen again after 68 m, it lies 0.40 m off"}
+
+
+@pytest.mark.parametrize(
+    ("apart", "kind", "words"),
+    [
+        ((0.2, 0.3, 0.4), MISSED_LOOP, "it lies 0.30 m (0.20 to 0.40) off"),
+        ((0.0, 0.3, 0.6), UNKNOWN, "lie 0.60 m apart at most, and may agree"),
+        ((0.0, 0.02, 0.07), UNKNOWN, "agree within 0.07 m"),
+    ],
+)
+def test_a_cause_is_named_where_it_is_sure_that_scans_disagree(apart, kind, words):
+    visits = visits_of(wall_of_two_laps(0.4, 0.0).cloud)
+    cause = cause_of(Spread(1.9, 0.01, 0.01, 2, 4, (9, N_SCANS)), visits, np.array(apart))
+    assert cause.kind == kind
+    assert words in cause.text
+    alone = cause_of(Spread(1.9, np.nan, 0.01, 2, 2, (9, N_SCANS)), visits, np.array([0.2, 0.3, 0.4]))
+    assert (alone.kind, alone.text) == (UNKNOWN, "no two scans of one visit saw it, by which to tell")
+
+
+def test_neither_the_order_of_points_nor_the_sign_of_a_normal_matters():
+    patches = wall_of_two_laps(0.4, 0.1)
+    turned = shuffled(replace(patches, normal=-patches.normal))
+    for one, other in zip(causes_of(patches), causes_of(turned), strict=True):
+        assert (one.kind, one.text) == (other.kind, other.text)
+
+
+def test_components_are_those_of_a_nested_analysis_of_variance():
+    """Two cells, two visits of them, two scans each, two points a scan; expected values by hand."""
+    visits = Visits(np.zeros(0, np.int64), np.array([4, 4, 4, 4, 8, 8, 8, 8]), None, None, "scan")
+    moment = np.repeat([0, 1, 4, 5], 2)
+    point, scan, visit = (np.array(x) for x in ([-1, 1] * 4, [-1, -1, 1, 1] * 2, [-1] * 4 + [1] * 4))
+    height = np.tile(0.01 * point + 0.1 * scan + 0.5 * visit, 2)
+    spread = nested_spread(height, np.repeat([[0, 0], [5, 1]], 8, axis=0), np.tile(moment, 2), visits)
+    noise = 2 * 0.01**2  # sums of squares by degrees of freedom: 16 points in 8 scans
+    assert spread.points == pytest.approx(np.sqrt(noise))
+    # 8 scans in 4 visits: sum of squares 16 x 0.1^2; 16 points less 8 x 2^2 / 4.
+    by_scan = (16 * 0.1**2 - noise * 4) / (16 - 8)
+    by_visit = (16 * 0.5**2 - noise * 2) / (16 - 8)
+    assert spread.scans == pytest.approx(np.sqrt(2 * by_scan))
+    assert spread.visits == pytest.approx(np.sqrt(2 * by_visit))
+    assert (spread.n_visits, spread.n_scans, spread.gap) == (2, 4, (1, 4))
+
+
+def test_a_result_carries_causes():
+    patches = wall_of_two_laps(0.5, 0.02)
+    result = assess(patches, make_model())
+    assert result.is_suspicious.all()
+    rows = list(result.patch_rows())
+    assert {row["cause"]["kind"] for row in rows} == {MISSED_LOOP}
+    (region,) = result.head()["regions"]
+    assert region["cause"] == MISSED_LOOP
+    assert region["area_by_cause_m2"][MISSED_LOOP] == pytest.approx(result.area.sum())
+    assert result.verdict(None)["cause"] == MISSED_LOOP
+    assert set(result.cloud().fields["cause"].tolist()) == {1, 255}
+    again = result_cloud(result.cloud(), patches.patch, result.labelling.label, result.labelling.probability)
+    assert not {"cause", "original_cause"} & set(again.fields)
+
+
+def test_scans_apart_is_the_disagreement_of_most_of_the_area():
+    walls = wall((0, 0), (8, 0)), wall((0, 20), (8, 20))
+    rng = np.random.default_rng(1)
+    apart = np.array([[0.0, 0.0, 0.0], [0.0, 0.3, 0.0]])
+    points = [np.concatenate([each.sample(rng, 30.0, 0.005) + shift for shift in apart]) for each in walls]
+    patches = make_patches(points, [(0, 1, 0)] * 2)
+    scan = np.concatenate([np.repeat([0, 1], len(each) // 2) for each in points])
+    patches = replace(patches, cloud=patches.cloud.with_fields(scan=scan))
+    result = assess(patches, make_model())
+    verdict, rows = result.verdict(None), list(result.patch_rows())
+    assert verdict["scans_apart_m"] == pytest.approx(0.3, abs=0.03)
+    assert verdict["disagreement_m"] == pytest.approx(0.3, abs=0.03)
+    assert verdict["scans_apart_m"] in [pytest.approx(row["disagreement_m"]) for row in rows]
+    assert all(row["low"] < row["disagreement_m"] < row["high"] for row in rows)
+    silent = assess(replace(patches, cloud=replace(patches.cloud, fields={})), make_model())
+    assert np.isnan([silent.verdict(None)[name] for name in ("scans_apart_m", "disagreement_m")]).all()
+    assert {tuple(row[name] for name in ("disagreement_m", "low", "high")) for row in silent.patch_rows()} == {
+        (None, None, None)
+    }
+
+
+def test_the_back_of_a_thin_wall_is_no_second_copy_of_it():
+    """Two faces 0.3 m apart: one lap sees the one from its side, the next the other from there."""
+    patches = wall_of_two_laps(0.3, 0.0)
+    (cause, _) = causes_of(patches)
+    assert cause.kind == MISSED_LOOP
+    toward = np.where(patches.cloud.fields["scan"] < N_SCANS, -5.0, 5.0)
+    faces = replace(patches, cloud=patches.cloud.with_fields(to_sensor_y=toward))
+    assert {(each.kind, each.text) for each in causes_of(faces)} == {(UNKNOWN, "scans that see it agree within 0.05 m")}

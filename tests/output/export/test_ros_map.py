@@ -1,0 +1,205 @@
+"""ROS maps: what map_server makes of them is the posterior."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.image import imread
+
+from prf.model.coloring import black_at
+from prf.model.layout import image_grid, pixel_centres
+from prf.model.window import Window
+from prf.output.export import Options, export_source
+from prf.output.export.cells import Cells, cells_of
+from prf.output.export.ros_map import pgm_bytes, ros_map
+from prf.output.export.source import read_source
+from prf.results import read_run, write_run
+from prf.results.estimate import occupied_probability
+from prf.results.occupancy import OccupancyGrid, write_grid
+from prf.shell.errors import InputError, UsageError
+from tests.factories import make_run
+from tests.output.export import map_server
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a run whose window is no multiple of a cell: centres of the last row and column lie outside."""
+    path = tmp_path_factory.mktemp("ros") / "office"
+    write_run(path, make_run(n_draws=40, window=Window(-10.3, -5.2, 20.1, 9.2)))
+    return path
+
+
+@pytest.fixture
+def ramp() -> Cells:
+    """Return every probability from 0 to 1, rows of different content, and cells of which nothing is known."""
+    probability = np.linspace(0.0, 1.0, 1001)[:1000].reshape(10, 100).astype(np.float32)
+    probability[3, 7] = probability[9, 0] = np.nan
+    probability[0, 99] = 1.0
+    return Cells(probability, np.array([-12.25, 1e-5]), 0.05)
+
+
+def serve(cells: Cells, folder: Path, unknown: tuple[float, float] | None = None):
+    made = ros_map(cells, unknown, "map.pgm")
+    (folder / "map.pgm").write_bytes(made.image)
+    (folder / "map.yaml").write_text(made.yaml)
+    return map_server.load(folder / "map.yaml"), made
+
+
+def test_round_trip(ramp: Cells, tmp_path: Path) -> None:
+    served, made = serve(ramp, tmp_path)
+    p = ramp.probability.astype(float)
+    expected = np.where(p > 0.65, 100, np.where(p < 0.196, 0, -1))
+    np.testing.assert_array_equal(served.data, expected)
+    assert set(np.unique(expected)) == {-1, 0, 100}
+    assert made.counts == {
+        "n_free": (expected == 0).sum(),
+        "n_occupied": (expected == 100).sum(),
+        "n_unknown": (expected == -1).sum(),
+    }
+    assert (served.resolution, served.origin) == (0.05, [-12.25, 0.00001, 0.0])
+
+
+def test_thresholds_and_pixels_are_those_that_keep_unknown_cells_unknown(ramp: Cells, tmp_path: Path) -> None:
+    served, made = serve(ramp, tmp_path)
+    content = map_server.read_yaml(tmp_path / "map.yaml")
+    assert (content["free_thresh"], content["occupied_thresh"], content["negate"]) == ("0.196", "0.65", "0")
+    assert set(np.unique(map_server.read_pgm(tmp_path / "map.pgm"))) == {0, 205, 254}
+    # The threshold that others write turns every unknown cell into free space: the reader sees it.
+    (tmp_path / "map.yaml").write_text(made.yaml.replace("0.196", "0.25"))
+    mistaken = map_server.load(tmp_path / "map.yaml")
+    assert (served.data == -1).any()
+    assert not (mistaken.data == -1).any()
+
+
+@pytest.mark.parametrize("band", [(0.5, 0.5), (0.0, 0.25), (0.05, 0.95), (0.0, 1.0)])
+def test_the_unknown_band_is_the_users(ramp: Cells, tmp_path: Path, band: tuple[float, float]) -> None:
+    served, _ = serve(ramp, tmp_path, band)
+    p = ramp.probability.astype(float)
+    np.testing.assert_array_equal(served.data, np.where(p > band[1], 100, np.where(p < band[0], 0, -1)))
+
+
+def test_other_readers_see_the_same_pixels(tmp_path: Path) -> None:
+    grey = np.random.default_rng(3).integers(0, 256, (7, 11), dtype=np.uint8)
+    (tmp_path / "a.pgm").write_bytes(pgm_bytes(grey))
+    np.testing.assert_array_equal(imread(tmp_path / "a.pgm"), grey)
+
+
+@pytest.mark.parametrize("squares", [False, True])
+def test_a_run_from_its_directory_to_the_server(folder: Path, tmp_path: Path, squares: bool) -> None:
+    image = read_run(folder).image
+    own = Options(format="ros-map", squares=squares, resolution=image.resolution)
+    done = export_source(folder, str(tmp_path / "office.yaml"), own)
+    served = map_server.load(tmp_path / "office.yaml")
+    p = np.where(image.seen, image.square_occupancy if squares else image.occupancy, np.nan).astype(float)
+    np.testing.assert_array_equal(served.data, np.where(p > 0.65, 100, np.where(p < 0.196, 0, -1)))
+    assert (served.resolution, served.origin) == (image.resolution, [*image.origin.tolist(), 0.0])
+    assert np.isnan(p[-1]).all(), "the window ends before the last row's centres"
+    assert [Path(file.path).name for file in done.files] == ["office.yaml", "office.pgm"]
+    assert [file.bytes for file in done.files] == [Path(file.path).stat().st_size for file in done.files]
+
+
+def test_one_map_has_its_colours_at_the_places_of_the_server(folder: Path, tmp_path: Path) -> None:
+    run = read_run(folder)
+    export_source(folder / "map.geojson", str(tmp_path / "best.pgm"), Options(format="ros-map", resolution=0.17))
+    served = map_server.load(tmp_path / "best.yaml")
+    height, width = served.data.shape
+    x = served.origin[0] + served.resolution * (np.arange(width) + 0.5)
+    y = served.origin[1] + served.resolution * (np.arange(height) + 0.5)
+    centres = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    inside = run.draws.window.contains(centres)
+    data = served.data.ravel()
+    np.testing.assert_array_equal(data[inside] == 100, black_at(run.best, centres[inside]))
+    assert (data[~inside] == -1).all()
+    assert {0, 100} <= set(data[inside].tolist()) <= {0, 100}
+
+
+def test_a_draw_has_cells_of_5_cm(folder: Path, tmp_path: Path) -> None:
+    run = read_run(folder)
+    export_source(folder, str(tmp_path / "last.yaml"), Options(format="ros-map", draw=-1))
+    served = map_server.load(tmp_path / "last.yaml")
+    window = run.draws.window
+    centres = pixel_centres(image_grid(window, 0.05))
+    inside = window.contains(centres) & run.image.seen_at(centres)
+    np.testing.assert_array_equal(served.data.ravel()[inside] == 100, black_at(run.draws[-1], centres[inside]))
+    assert (served.data.ravel()[~inside] == -1).all()
+
+
+def test_what_no_reading_saw_is_unknown_but_near_it_with_extrapolate(folder: Path, tmp_path: Path) -> None:
+    image = read_run(folder).image
+    centres = pixel_centres(image_grid(read_run(folder).draws.window, image.resolution))
+    seen = centres[image.seen.ravel()]
+    away = np.hypot(*(centres[:, None] - seen[None]).transpose(2, 0, 1)).min(axis=1).reshape(image.seen.shape)
+    assert 0.0 < away.max() <= 1.5
+    for extrapolate in (0.0, 1.0, 2.0):
+        known = (away <= extrapolate + 1e-9) & ~np.isnan(image.occupancy)
+        cells = cells_of(read_source(folder), extrapolate=extrapolate, resolution=image.resolution)
+        np.testing.assert_array_equal(~np.isnan(cells.probability), known)
+
+
+@pytest.mark.parametrize("resolution", [0.21, None])
+def test_a_run_takes_finer_cells_from_its_draws(folder: Path, resolution: float | None) -> None:
+    run = read_run(folder)
+    cells = cells_of(read_source(folder), extrapolate=100.0, resolution=resolution)
+    centres = pixel_centres(image_grid(run.draws.window, resolution or 0.05))
+    inside = run.draws.window.contains(centres)
+    p = occupied_probability(run.draws, centres[inside])
+    np.testing.assert_allclose(cells.probability.ravel()[inside], p)
+
+
+def test_a_grid_serves_what_was_seen(tmp_path: Path) -> None:
+    rng = np.random.default_rng(4)
+    hits, misses = rng.integers(0, 3, (2, 6, 9), dtype=np.int32)
+    occupancy = ((hits + 0.5) / (hits + misses + 1.0)).astype(np.float32)
+    grid = OccupancyGrid(occupancy, hits, misses, np.array([-3.5, 2.0]), 0.1)
+    write_grid(tmp_path / "room.grid.npz", grid)
+    export_source(tmp_path / "room.grid.npz", str(tmp_path / "room.yaml"), Options(format="ros-map"))
+    served = map_server.load(tmp_path / "room.yaml")
+    expected = np.where(occupancy > 0.65, 100, np.where(occupancy < 0.196, 0, -1))
+    np.testing.assert_array_equal(served.data, expected)
+    assert (served.resolution, served.origin) == (0.1, [-3.5, 2.0, 0.0])
+
+
+def test_thin_walls_are_seen_with_squares_only(tmp_path: Path) -> None:
+    """A wall of a centimetre between the centres of cells."""
+    import json
+
+    wall = [[[0.0, 1.02], [0.0, 1.03], [4.0, 1.03], [4.0, 1.02], [0.0, 1.02]]]
+    feature = {
+        "schema": "prf.map/1",
+        "type": "Feature",
+        "geometry": {"type": "MultiPolygon", "coordinates": [[ring[::-1] for ring in wall]]},
+        "properties": {"window": [-1.0, 0.0, 5.0, 2.0], "anchor_black": False},
+    }
+    (tmp_path / "wall.geojson").write_text(json.dumps(feature))
+    seen = []
+    for squares in (False, True):
+        export_source(
+            tmp_path / "wall.geojson",
+            str(tmp_path / f"{squares}.yaml"),
+            Options(format="ros-map", squares=squares, resolution=0.1),
+        )
+        seen.append((map_server.load(tmp_path / f"{squares}.yaml").data == 100).sum())
+    assert seen[0] == 0
+    assert 40 <= seen[1] <= 42
+
+
+@pytest.mark.parametrize("name", ["map 1.yaml", "ü.yaml", "1.yaml", "a'b.yaml"])
+def test_odd_names_are_quoted(folder: Path, tmp_path: Path, name: str) -> None:
+    export_source(folder, str(tmp_path / name), Options(format="ros-map"))
+    line = (tmp_path / name).read_text().splitlines()[0]
+    assert line == f'image: "{Path(name).stem}.pgm"'
+    map_server.load(tmp_path / name)
+
+
+def test_what_a_ros_map_cannot_be_made_from(folder: Path, tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="squares of its own image alone"):
+        export_source(folder, str(tmp_path / "a.yaml"), Options(format="ros-map", resolution=0.1, squares=True))
+    with pytest.raises(UsageError, match="more than"):
+        export_source(folder, str(tmp_path / "a.yaml"), Options(format="ros-map", resolution=1e-3, draw=0))
+    early = make_run(n_draws=0)
+    write_run(tmp_path / "early", early)
+    with pytest.raises(InputError, match=r"posterior\.npz: no such file"):
+        export_source(tmp_path / "early", str(tmp_path / "a.yaml"), Options(format="ros-map"))
+    assert [path.name for path in tmp_path.iterdir()] == ["early"]

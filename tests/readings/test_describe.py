@@ -1,0 +1,121 @@
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from prf.model.sonar import SonarModel
+from prf.readings import describe
+from prf.readings.carmen import read_carmen
+from prf.readings.describe import default_max_range
+from prf.readings.readings import LogNotes
+from prf.readings.table import read_table
+from tests.readings.samples import flaser
+
+
+def summary_of(text: str):
+    return describe(read_carmen(text.encode(), "a.log"), "a.log")
+
+
+def test_the_largest_float_is_no_return():
+    """Some drivers write it so; taken for a range it would be the maximum of the sensor."""
+    rows = "".join(f"0,0,{beam},{distance}\n" for beam, distance in enumerate([2.0, 3.4028235e38, 1e300, 4.0]))
+    readings = read_table(b"x,y,theta,range\n" + rows.encode(), "a.csv")
+    assert readings.range.tolist() == [2.0, np.inf, np.inf, 4.0]
+    assert default_max_range(readings) == pytest.approx(0.97 * 4.0)
+    of_driver = dataclasses.replace(readings, notes=dataclasses.replace(readings.notes, sensor_max=3.4028235e38))
+    assert default_max_range(of_driver) == pytest.approx(0.97 * 4.0)
+    assert default_max_range(dataclasses.replace(readings, notes=LogNotes(sensor_max=8.0))) == pytest.approx(0.97 * 8.0)
+
+
+def drive(poses, seconds=1.0, kind="FLASER", n=3):
+    return "".join(flaser([1.0] * n, pose, time=seconds * i, kind=kind) for i, pose in enumerate(poses))
+
+
+def straight(n, step=0.5):
+    return [(step * i, 0, 0) for i in range(n)]
+
+
+def found(text: str) -> dict[str, tuple[int, ...]]:
+    return {suspicion.code: suspicion.scans for suspicion in summary_of(text).suspicions}
+
+
+class TestSummary:
+    def test_counts_extents_and_shares(self):
+        text = flaser([2, 3, 10], (0, 0, 0), time=1) + flaser([1, 81.83, 80], (3, 4, 0), time=11)
+        summary = summary_of(text)
+        assert (summary.n_scans, summary.n_beams, summary.beams_per_scan) == (2, 6, (3, 3))
+        assert summary.path_extent == (0, 0, 3, 4)
+        assert summary.path_length == 5
+        assert summary.returns_extent == pytest.approx((0, -2, 3, 10), abs=1e-9)
+        assert summary.duration == 10
+        assert summary.largest_range == 81.83
+        assert summary.max_range == pytest.approx(0.97 * 81.83)
+        assert summary.share_no_return == pytest.approx(2 / 6)
+        assert summary.share_far == pytest.approx(3 / 6)
+
+    def test_sonars_have_the_maximum_of_their_model_and_no_echo_is_not_far(self):
+        rows = "".join(f"1,2,0,{echo},0.349\n" for echo in ("0.9", "2.1", "9.0", ""))
+        summary = describe(read_table(b"x,y,theta,range,cone\n" + rows.encode(), "a"), "a")
+        assert (summary.largest_range, summary.max_range) == (9.0, SonarModel().max_range)
+        assert (summary.share_no_return, summary.share_far) == (0.5, 0.0)
+
+    def test_a_table_without_returns_times_or_headings(self):
+        summary = describe(read_table(b"x,y,theta,range\n1,2,0,\n1,2,1,\n", "a"), "a")
+        assert summary.returns_extent is None
+        assert np.isnan([summary.duration, summary.largest_range, summary.max_range]).all()
+        assert summary.share_no_return == 1
+        assert [suspicion.code for suspicion in summary.suspicions] == ["no-return"]
+
+
+class TestSuspicions:
+    def test_an_ordinary_drive_has_none(self):
+        assert found(drive(straight(30))) == {}
+
+    def test_a_jump_in_place(self):
+        poses = straight(10) + [(x + 3, y, h) for x, y, h in straight(20)[10:]]
+        assert found(drive(poses)) == {"pose-jump": (10,)}
+
+    def test_a_turn_too_fast(self):
+        poses = [(x, y, 1.3 * (i >= 4)) for i, (x, y, _) in enumerate(straight(8, 0.05))]
+        assert found(drive(poses, seconds=0.1)) == {"pose-jump": (4,)}
+        assert found(drive(poses, seconds=2.0)) == {}
+
+    def test_a_heading_that_wraps_is_no_turn(self):
+        poses = [(x, y, 3.1 if i % 2 else -3.1) for i, (x, y, _) in enumerate(straight(9))]
+        assert found(drive(poses, seconds=0.5)) == {}
+
+    def test_front_and_rear_laser_are_followed_apart(self):
+        text = "".join(
+            flaser([1.0] * 3, (x, y, h), time=i) + flaser([1.0] * 3, (x - 0.2, y, np.pi), time=i, kind="RLASER")
+            for i, (x, y, h) in enumerate(straight(20))
+        )
+        assert found(text) == {}
+
+    def test_a_clock_that_stops_or_runs_backward(self):
+        times = [0, 1, 1, 2, 1.5, 3]
+        text = "".join(flaser([1.0], (0.5 * i, 0, 0), time=t) for i, t in enumerate(times))
+        assert found(text) == {"time-backward": (4,), "time-tied": ()}
+
+    def test_ranges_in_millimetres(self):
+        assert "range-unit" in found(flaser([1410, 1500, 900], (0.5, 0, 0)))
+        assert "range-unit" not in found(flaser([81.83, 1.5, 81.83], (0.5, 0, 0)))
+
+    def test_ranges_of_zero_and_ranges_that_no_laser_has(self):
+        assert found(flaser([0, 1, 3.4e5])) == {"zero-range": (), "largest-range": ()}
+
+    def test_headings_in_degrees(self):
+        assert "angle" in found(flaser([1.0], (0, 0, 270.0)))
+
+    def test_lines_of_unknown_kinds(self):
+        summary = summary_of(drive(straight(3)) + "GARBAGE 1\n" * 4 + "SONAR 1\n")
+        assert [s.message for s in summary.suspicions] == ["lines of unknown kinds were skipped: 4 GARBAGE"]
+        assert summary.odd_lines == {"GARBAGE": 4}
+        assert summary.lines == {"SONAR": 1}
+
+    def test_long_lists_are_cut_in_the_message_alone(self):
+        poses = [(5.0 * (i % 2), 0, 0) for i in range(40)]
+        (jump,) = (s for s in summary_of(drive(poses)).suspicions if s.code == "pose-jump")
+        assert len(jump.scans) == 39
+        assert "1, 2, 3, 4, 5, 6, 7, 8 ... (39 in all)" in jump.message

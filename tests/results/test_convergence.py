@@ -1,0 +1,223 @@
+"""R-hat and ESS beside arviz, the verdict, and how much longer a run is said to need."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from arviz_stats.base import array_stats
+
+from prf.results.convergence import (
+    Diagnosis,
+    Outlook,
+    diagnose,
+    disagree,
+    effective_size,
+    outlook,
+    rounded,
+    split_rhat,
+    verdict,
+    worst_rhat,
+)
+
+
+def chains(seed: int = 1, n_chains: int = 4, n_draws: int = 400) -> np.ndarray:
+    return np.random.default_rng(seed).normal(size=(n_chains, n_draws))
+
+
+def one(values: np.ndarray) -> tuple[float, float, str]:
+    found = diagnose({"f": values})["f"]
+    return found.rhat, found.ess, found.state
+
+
+@pytest.mark.parametrize("n_draws", [8, 9, 17, 136, 255])
+@pytest.mark.parametrize("n_chains", [1, 2, 4])
+def test_rank_normalised_rhat_and_bulk_ess_agree_with_arviz(n_chains: int, n_draws: int) -> None:
+    """Of slow, skew chains, with and without ties; one chain is compared with itself."""
+    slow = np.exp(np.cumsum(chains(5, n_chains, n_draws), axis=1) / 4.0)
+    for values in (slow, np.round(slow, 1), chains(6, n_chains, n_draws)):
+        rhat, ess, _ = one(values)
+        half = n_draws // 2
+        several = values if n_chains > 1 else np.vstack((values[:, :half], values[:, -half:]))
+        if n_draws >= 16 or n_chains > 1:
+            expected = array_stats.rhat(several, chain_axis=0, draw_axis=1, method="rank")
+            assert rhat == pytest.approx(expected, rel=1e-9)
+        assert ess == pytest.approx(array_stats.ess(values, chain_axis=0, draw_axis=1, method="bulk"), rel=1e-6)
+
+
+@pytest.mark.parametrize("n_draws", [8, 9, 17, 136, 255])
+@pytest.mark.parametrize("n_chains", [1, 2, 4])
+def test_many_binary_quantities_at_once_agree_with_arviz(n_chains: int, n_draws: int) -> None:
+    black = np.cumsum(np.random.default_rng(5).random((n_chains, n_draws, 40)) < 0.2, axis=1) % 2 == 0
+    sizes, rhats = effective_size(black), split_rhat(black)
+    for i in np.flatnonzero(np.isfinite(sizes)):
+        values = black[:, :, i].astype(np.float64)
+        for method in ("mean", "bulk"):  # of a binary quantity ranks are the values
+            expected = array_stats.ess(values, chain_axis=0, draw_axis=1, method=method)
+            assert sizes[i] == pytest.approx(expected, rel=1e-6)
+        if n_chains > 1 and np.isfinite(rhats[i]):
+            expected = array_stats.rhat(values, chain_axis=0, draw_axis=1, method="split")
+            assert rhats[i] == pytest.approx(expected, rel=1e-9)
+
+
+def test_independent_draws_agree() -> None:
+    rhat, ess, state = one(chains())
+    assert state == "varies"
+    assert rhat == pytest.approx(1.0, abs=0.01)
+    assert 1200 < ess < 2200
+    assert verdict(diagnose({"f": chains()})).converged
+
+
+def test_a_shifted_chain_and_one_of_another_spread_are_found() -> None:
+    shifted, wide = chains(), chains()
+    shifted[2] += 1.0
+    wide[2] *= 10.0
+    found = verdict(diagnose({"good": chains(2), "shifted": shifted}))
+    assert (found.converged, found.worst) == (False, "shifted")
+    assert "R-hat" in found.reason
+    assert one(wide)[0] > 1.05
+
+
+def test_too_few_effective_draws_are_named() -> None:
+    slow = np.cumsum(chains(3, 4, 400), axis=1)
+    found = verdict(diagnose({"fast": chains(), "slow": slow}))
+    assert (found.converged, found.worst) == (False, "slow")
+
+
+def test_a_constant_agrees_and_is_called_so() -> None:
+    found = diagnose({"probe": np.ones((4, 100), dtype=bool)})
+    assert math.isnan(found["probe"].rhat)
+    assert found["probe"].describe() == "constant"
+    assert verdict(found).converged
+
+
+def test_chains_stuck_at_different_values_never_agree() -> None:
+    stuck = np.repeat([[1.0], [1.0], [0.0], [1.0]], 100, axis=1)
+    step_in_the_middle = np.repeat([[0.0, 1.0]], 50, axis=1).repeat(4, axis=0)
+    assert one(stuck) == one(step_in_the_middle) == (math.inf, 0.0, "stuck")
+    found = verdict(diagnose({"probe": stuck, "good": chains()}))
+    assert (found.converged, found.worst) == (False, "probe")
+    assert "different values" in found.reason
+
+
+def test_a_fair_coin_agrees_although_its_folded_half_is_constant() -> None:
+    coin = np.random.default_rng(5).permuted(np.tile([0.0, 1.0], (4, 200)), axis=1)
+    rhat, _, state = one(coin)
+    assert state == "varies"
+    assert rhat < 1.05
+
+
+def test_one_chain_is_compared_with_itself() -> None:
+    assert one(chains(1, 1))[0] < 1.05
+    assert one(np.linspace(0.0, 1.0, 400)[None, :])[0] > 1.5
+
+
+@pytest.mark.parametrize("n_draws", [0, 1, 7])
+def test_short_chains_do_not_agree(n_draws: int) -> None:
+    found = diagnose({"f": chains(1, 4, n_draws)})
+    assert found["f"].state == "short"
+    assert not verdict(found).converged
+    assert not verdict({}).converged
+
+
+@pytest.mark.parametrize("bad", [math.nan, -math.inf])
+def test_values_that_are_not_finite_do_not_agree(bad: float) -> None:
+    values = chains()
+    values[1, 7] = bad
+    assert one(values) == (math.inf, 0.0, "not finite")
+
+
+def test_long_chains_are_thinned_so_that_the_cost_is_bounded() -> None:
+    assert one(chains(1, 4, 100_000))[1] < 2400  # of 2,000 draws that are looked at
+
+
+def test_unseen_functionals_have_a_looser_rule_and_are_last() -> None:
+    slow = chains() + np.array([[0.0], [0.5], [1.0], [0.0]])
+    assert 1.05 < one(slow)[0] < 1.2
+    found = diagnose({"far": slow, "near": chains(2)}, unseen=["far"])
+    assert [each.seen for each in found.values()] == [False, True]
+    assert verdict(found).converged
+    assert not verdict(diagnose({"far": slow, "near": chains(2)})).converged
+    apart = chains() + 10.0 * np.arange(4)[:, None]
+    judged = verdict(diagnose({"far": apart, "near": chains(2)}, unseen=["far"]))
+    assert (judged.converged, judged.seen, judged.worst) == (False, True, "far")
+    assert judged.reason.endswith("of what no reading saw")
+    judged = verdict(diagnose({"far": apart, "near": slow}, unseen=["far"]))
+    assert (judged.converged, judged.seen, judged.worst) == (False, False, "near")
+
+
+def diagnoses(*values: float) -> list[Diagnosis]:
+    return [Diagnosis(rhat, 200.0, "stuck" if math.isinf(rhat) else "varies") for rhat in values]
+
+
+def test_the_worst_counts() -> None:
+    assert worst_rhat(diagnoses(1.01, 1.4, math.nan)) == 1.4
+    assert worst_rhat(diagnoses(1.01, math.inf)) == math.inf
+    assert worst_rhat(diagnoses(math.nan)) == worst_rhat([]) == 1.0
+
+
+@pytest.mark.parametrize(
+    ("before", "now", "expected"),
+    [
+        (1.9, 1.9, True),
+        (1.5, 2.5, True),
+        (1.0, 1.2, True),
+        (1.9, 1.46, False),
+        (3.0, 1.2, False),
+        (1.04, 1.04, False),
+        (math.inf, math.inf, True),
+        (1.2, math.inf, True),
+        (math.inf, 1.9, False),
+    ],
+)
+def test_chains_disagree_that_do_not_come_nearer(before: float, now: float, expected: bool) -> None:
+    assert disagree(diagnoses(1.0, before), diagnoses(now, 1.0)) is expected
+    unseen = [each._replace(seen=False) for each in diagnoses(now)]
+    assert not disagree(diagnoses(1.0), [*unseen, *diagnoses(1.0)])
+
+
+def pair(half: Diagnosis, now: Diagnosis, climbs: bool = False) -> Outlook:
+    return outlook({"f": half}, {"f": now}, 100.0, climbs)
+
+
+def test_chains_that_agree_need_nothing() -> None:
+    assert pair(Diagnosis(1.1, 60.0, "varies"), Diagnosis(1.01, 400.0, "varies")) == Outlook("agree", None)
+
+
+def test_ess_grows_with_the_steps() -> None:
+    """A quarter of the draws that it takes: three times as long again."""
+    assert pair(Diagnosis(1.04, 12.0, "varies"), Diagnosis(1.02, 25.0, "varies")) == Outlook("nearing", 300.0)
+
+
+def test_rhat_falls_in_inverse_proportion() -> None:
+    """Twice as far from 1 as it may be: as long again."""
+    assert pair(Diagnosis(1.2, 60.0, "varies"), Diagnosis(1.1, 120.0, "varies")) == Outlook("nearing", 100.0)
+
+
+def test_what_was_not_seen_has_a_bound_of_its_own() -> None:
+    half, now = Diagnosis(1.8, 4.0, "varies", seen=False), Diagnosis(1.4, 8.0, "varies", seen=False)
+    assert pair(half, now) == Outlook("nearing", 100.0)
+    assert pair(half, half) == Outlook("flat", None)
+
+
+@pytest.mark.parametrize("now", [Diagnosis(1.19, 12.0, "varies"), Diagnosis(math.inf, 0.0, "stuck")])
+def test_where_rhat_stays_more_time_is_no_help(now: Diagnosis) -> None:
+    assert pair(Diagnosis(1.2, 10.0, "varies"), now) == Outlook("flat", None)
+
+
+def test_chains_that_climb_may_yet_come_nearer() -> None:
+    assert pair(Diagnosis(1.2, 10.0, "varies"), Diagnosis(1.19, 12.0, "varies"), climbs=True).trend == "unknown"
+
+
+def test_of_few_draws_nothing_is_known() -> None:
+    short = Diagnosis(math.nan, math.nan, "short")
+    assert pair(short, Diagnosis(1.5, 10.0, "varies")) == pair(short, short) == Outlook("unknown", None)
+
+
+@pytest.mark.parametrize(
+    ("seconds", "said"),
+    [(1.0, 10.0), (31.0, 40.0), (130.0, 150.0), (700.0, 900.0), (4000.0, 7200.0), (60 * 3600.0, 3 * 86400.0)],
+)
+def test_times_are_rounded_up_to_what_people_say(seconds: float, said: float) -> None:
+    assert rounded(seconds) == said
