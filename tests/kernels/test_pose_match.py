@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from prf.kernels import constants as c
-from prf.kernels.poses.state import match as m
+from prf.kernels.poses import match as m
 from tests.reference.pose_worlds import BOTH, DRIVEN, LASER, Rig, begin, draw_pose_world
 
 pytestmark = pytest.mark.uncompiled

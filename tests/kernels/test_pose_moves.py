@@ -8,8 +8,8 @@ from unittest import mock
 import numpy as np
 import pytest
 
+from prf.kernels.poses import moves as p
 from prf.kernels.poses.state import Poses
-from prf.kernels.poses.state import moves as p
 from tests.reference.pose_worlds import BARE, DRIVEN, begin, draw_pose_world
 
 pytestmark = pytest.mark.uncompiled

@@ -9,7 +9,7 @@ import pytest
 import shapely
 
 from prf.kernels import constants as c
-from prf.kernels.poses.state import warp as w
+from prf.kernels.poses import warp as w
 from prf.model.coloring import Coloring, black_at, violations
 from prf.model.layout import make_guards, read_coloring
 from prf.readings.driven import way_guards
