@@ -43,11 +43,12 @@ test-oldest: ## all tests but the slow ones, with the oldest versions allowed of
 verify: setup ## show that the sampler is right: calibration, joint law, a second sampler; half an hour, plots in verify/
 	$(BIN)/python -m tests.verify --output verify
 
-check: setup ## lint, format, types, import contracts, spelling
+check: setup ## lint, format, types, import contracts, sizes, spelling
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	$(PYTEST) -q tests/test_house.py
 	$(BIN)/codespell
 
 coverage: setup ## lines and branches that the tests run, kernels uncompiled; fails below 95 %; half an hour

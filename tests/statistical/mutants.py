@@ -102,12 +102,14 @@ WHOLE_AREA = Mutant(
     "births in a tile that count the area of the whole window (10 x 10 m)",
     (("interior_triangle.py", "surface = placing.area(graph.window)", "surface = 100.0"),),
 )
-NO_JACOBIAN = Mutant("warp without its Jacobian", (("../warp.py", "- change - log_vertices - log_poses", "- change"),))
+NO_JACOBIAN = Mutant(
+    "warp without its Jacobian", (("../poses/warp.py", "- change - log_vertices - log_poses", "- change"),)
+)
 NO_DENSITY = Mutant(
     "a match that leaves its densities out",
     (
         (
-            "../pose_match.py",
+            "../poses/match.py",
             "return decide(chain, poses, i, i, log_ratio, rng)",
             "return decide(chain, poses, i, i, 0.0, rng)",
         ),
@@ -115,7 +117,7 @@ NO_DENSITY = Mutant(
 )
 NO_NEIGHBOUR = Mutant(
     "moves of poses that forget the odometry's step to the next one",
-    (("../poses.py", "min(high, at.shape[0] - 2) + 1", "min(high, at.shape[0] - 1)"),),
+    (("../poses/state.py", "min(high, at.shape[0] - 2) + 1", "min(high, at.shape[0] - 1)"),),
 )
 
 

@@ -28,6 +28,14 @@ SUSPECTS = {
 }
 
 
+def test_what_a_mistake_replaces_is_there_once() -> None:
+    mistakes = [one for one in vars(mutants).values() if isinstance(one, mutants.Mutant)]
+    assert len(mistakes) > len(SUSPECTS)
+    for mutant in mistakes:
+        for file, old, _ in mutant.replacements:
+            assert (mutants.ROOT / "prf" / "kernels" / "moves" / file).read_text().count(old) == 1, (mutant.name, old)
+
+
 def wrong_moves(found: dict[str, Any]) -> set[str]:
     """Moves whose ratio is not that of the reference, or that misbehave."""
     return {
