@@ -9,7 +9,7 @@ import pytest
 
 import mapq.configuration
 from prf.configuration import Configuration
-from prf.shell.cli.settings import Tree, unit_of
+from prf.shell.cli.settings import Tree, note_of
 
 TREES = {"prf": Configuration, "mapq": mapq.configuration.Configuration}
 
@@ -19,7 +19,7 @@ def rows_of(tree: type[Tree], table: str) -> list[str]:
     model = tree.tables()[table]
     rows = []
     for name, field in model.model_fields.items():
-        cells = (f"`{name}`", unit_of(model, name) or "–", written(field.default), field.description)
+        cells = (f"`{name}`", note_of(model, name, "unit") or "–", written(field.default), field.description)
         rows.append(f"| {' | '.join(map(str, cells))} |")
     return rows
 

@@ -10,13 +10,13 @@ import re
 import tomllib
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from types import MappingProxyType
-from typing import Any, ClassVar, Generic, NamedTuple, Self, TypeVar
+from typing import Any, ClassVar, Generic, Literal, NamedTuple, Self, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 from pydantic_core import ErrorDetails
 
 from prf.shell.cli.files import STREAM, open_input
-from prf.shell.errors import ConfigError, UsageError
+from prf.shell.errors import ArgumentError, ConfigError, UsageError
 
 PRESET = "preset"
 """The one key outside the tables: a name or several, whose values the file is laid over."""
@@ -29,13 +29,38 @@ Layer = tuple[str, Values]
 """What messages call it, and its values; the name may have ``{table}`` and ``{key}`` in it."""
 
 
+class SettingError(ValueError):
+    """Values of a table that cannot be used together: the keys whose values these are, and why."""
+
+    def __init__(self, words: str, *keys: str) -> None:
+        super().__init__(words)
+        self.keys = keys
+
+
 class Table(BaseModel):
-    """A table of a settings file; its docstring is its heading."""
+    """A table of a settings file, and the object that the library takes; its docstring is its heading.
+
+    Made by keywords in Python, it raises ArgumentError with the name of the keyword that cannot be used.
+    """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
+    def __init__(self, **values: Any) -> None:
+        try:
+            self.__pydantic_validator__.validate_json(_json(values), strict=True, self_instance=self)
+        except ValidationError as error:
+            first = error.errors()[0]
+            given = {name: name for name in values}
+            raise ArgumentError(_refusal(type(self), first, first["loc"], given, "")) from None
+
+    __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]  # tables in a tree are validated without it
+
     def check(self) -> None:
-        """Raise ConfigError or UsageError where the values together make no model."""
+        """Raise SettingError where the values together make no model."""
+
+    def replace(self, **changes: Any) -> Self:
+        """Return the table with other values; ArgumentError names one that cannot be used."""
+        return type(self)(**{**dict(self), **changes})
 
     @model_validator(mode="after")
     def _checked(self) -> Self:
@@ -73,21 +98,28 @@ T = TypeVar("T", bound=Tree)
 
 
 class Loaded(NamedTuple, Generic[T]):
-    """Settings, and ``TABLE.KEY`` to what has set it: ``--noise``, ``site.toml: [laser] noise``, ``preset ...``."""
+    """Settings, ``TABLE.KEY`` to what has set it (``--noise``, ``site.toml: [laser] noise``), and their file."""
 
     settings: T
     sources: dict[str, str]
+    file: str | os.PathLike[str] | None = None
 
 
-def key(default: Any, unit: str, meaning: str, **constraints: Any) -> Any:
-    """Return the pydantic field of a key: its default, its unit (empty for a plain number) and what it means."""
-    return Field(default, description=meaning, json_schema_extra={"unit": unit}, **constraints)
+def key(default: Any, unit: str, meaning: str, flag: str = "", unset: str = "", **constraints: Any) -> Any:
+    """Return the pydantic field of a key.
+
+    `unit`: empty for a plain number. `meaning`: in words that can stand in a help text, without capital and full stop.
+    `flag`: the metavar of its flag; empty: it has none, and is set by files and --set alone. `unset`: what applies
+    where its default is None, for the help text. `constraints`: those of pydantic, such as ``gt=0``.
+    """
+    extra: dict[str, Any] = {"unit": unit, "flag": flag, "unset": unset}
+    return Field(default, description=meaning, json_schema_extra=extra, **constraints)
 
 
-def unit_of(table: type[Table], name: str) -> str:
-    """Return the unit of a key."""
+def note_of(table: type[Table], name: str, what: Literal["unit", "flag", "unset"]) -> str:
+    """Return what :func:`key` was given for a key of a table."""
     extra = table.model_fields[name].json_schema_extra
-    return str(extra["unit"]) if isinstance(extra, dict) else ""
+    return str(extra[what]) if isinstance(extra, dict) else ""
 
 
 def load(
@@ -97,14 +129,15 @@ def load(
     assignments: Sequence[str] = (),
     flags: Mapping[str, Any] = NOTHING,
     defaults: Mapping[str, Any] = NOTHING,
-    tables: Collection[str] | None = None,
+    read: Collection[str] | None = None,
 ) -> Loaded[T]:
     """Return settings: flags over assignments over a file over presets over defaults.
 
     `path`: a file of TOML; ``-`` is standard input. `presets`: names that replace those in the file. `assignments`:
     ``TABLE.KEY=VALUE``; VALUE as in TOML, where a word needs no quotes. `flags`: ``TABLE.KEY`` to value; None: not
-    given. `defaults`: ``TABLE.KEY`` to a value that replaces the tree's default. `tables`: those that are read; an
-    assignment to another is refused (UsageError), while a file may hold all. ConfigError names what cannot be used.
+    given. `defaults`: ``TABLE.KEY`` to a value that replaces the tree's default. `read`: each a ``TABLE`` or
+    ``TABLE.KEY``; an assignment to another is refused (UsageError), while a file may hold all. ConfigError names what
+    cannot be used.
     """
     own = {} if path is None else _read_toml(path)
     name = "standard input" if path is not None and os.fspath(path) == STREAM else path
@@ -113,23 +146,34 @@ def load(
         given, where = presets, "--preset"
     layers = _preset_layers(tree, [given] if isinstance(given, str) else given, where)
     layers.append((f"{name}: [{{table}}] {{key}}", own))
-    layers += [("--set {table}.{key}", _assigned(text, tables)) for text in assignments]
+    layers += [("--set {table}.{key}", _assigned(tree, text, read)) for text in assignments]
     layers += [(tree.flag(place), _nested(place, value)) for place, value in flags.items() if value is not None]
-    return _merged(tree, [(DEFAULT, _nested(*each)) for each in defaults.items()] + layers)
+    return _merged(tree, [(DEFAULT, _nested(*each)) for each in defaults.items()] + layers)._replace(file=path)
 
 
 def load_options(
-    tree: type[T], options: Mapping[str, Any], tables: Collection[str], defaults: Mapping[str, Any] = NOTHING
+    tree: type[T], options: Mapping[str, Any], read: Collection[str], defaults: Mapping[str, Any] = NOTHING
 ) -> Loaded[T]:
-    """Return what the options of a verb that reads `tables` ask for; others of their keys are refused by --set.
+    """Return what the options of a verb ask for that reads these tables and keys (:func:`load`).
 
     `options`: ``config``, ``preset``, ``assignments``, and values by the names of their flags; the rest is passed over.
     """
-    places = [f"{table}.{name}" for table in tables for name in tree.tables()[table].model_fields]
-    names = {place: tree.flag(place).removeprefix("--").replace("-", "_") for place in places}
+    names = {place: flag_name(tree, place) for place in places_of(tree, read)}
     flags = {place: options[name] for place, name in names.items() if name in options}
     path, presets, assignments = (options.get(name) for name in ("config", "preset", "assignments"))
-    return load(tree, path, presets or (), assignments or (), flags, defaults, tables)
+    return load(tree, path, presets or (), assignments or (), flags, defaults, read)
+
+
+def places_of(tree: type[Tree], read: Iterable[str]) -> list[str]:
+    """Return every ``TABLE.KEY`` among tables and keys."""
+    tables = tree.tables()
+    found = [[each] if "." in each else [f"{each}.{name}" for name in tables[each].model_fields] for each in read]
+    return [place for places in found for place in places]
+
+
+def flag_name(tree: type[Tree], place: str) -> str:
+    """Return the name of the parameter of a verb that the flag of ``TABLE.KEY`` fills."""
+    return tree.flag(place).removeprefix("--").replace("-", "_")
 
 
 def _preset_layers(tree: type[T], names: Any, where: str) -> list[Layer]:
@@ -176,13 +220,14 @@ def _read_toml(path: str | os.PathLike[str]) -> dict[str, Any]:
         raise ConfigError(f"{os.fspath(path)}: not valid TOML ({error}).") from None
 
 
-def _assigned(text: str, tables: Collection[str] | None) -> Values:
+def _assigned(tree: type[Tree], text: str, read: Collection[str] | None) -> Values:
     place, equals, value = (part.strip() for part in text.partition("="))
     if not equals or not re.fullmatch(r"\w+\.\w+", place):
         raise UsageError(f"--set {text}: give TABLE.KEY=VALUE, as in --set prior.scale=0.2.")
-    table = place.partition(".")[0]
-    if tables is not None and table not in tables:
-        raise UsageError(f"--set {place}: [{table}] is not read here. Set a key of {', '.join(tables)}.")
+    table, _, name = place.partition(".")
+    is_known = table not in tree.tables() or name in tree.tables()[table].model_fields
+    if read is not None and is_known and not {table, place} & set(read):
+        raise UsageError(f"--set {place}: not read here. Set a key of {', '.join(read)}.")
     try:
         return _nested(place, tomllib.loads(f"value = {value}")["value"])
     except tomllib.TOMLDecodeError:
@@ -209,13 +254,19 @@ def _merged(tree: type[T], layers: Iterable[Layer]) -> Loaded[T]:
     return Loaded(settings, {place: each for place, each in sources.items() if "." in place and each != DEFAULT})
 
 
-def build(tree: type[T], values: Values, sources: Mapping[str, str]) -> T:
-    """Return settings with these values; a ConfigError names the one that cannot be used as `sources` do."""
+def build(
+    tree: type[T], values: Values, sources: Mapping[str, str], kind: type[ConfigError | ArgumentError] = ConfigError
+) -> T:
+    """Return settings with these values; an error of this kind names one that cannot be used as `sources` do."""
     try:
-        # As JSON: arrays may become tuples there, and no word becomes a number.
-        return tree.model_validate_json(json.dumps(values, default=_plain), strict=True)
+        return tree.model_validate_json(_json(values), strict=True)
     except ValidationError as error:
-        raise ConfigError(_message(tree, error.errors()[0], sources)) from None
+        raise kind(_message(tree, error.errors()[0], sources)) from None
+
+
+def _json(values: Mapping[str, Any]) -> str:
+    """Return values as JSON: arrays may become tuples there, and no word becomes a number."""
+    return json.dumps(values, default=_plain)
 
 
 def _plain(value: Any) -> Any:
@@ -232,16 +283,34 @@ def _home(tree: type[Tree], name: str) -> str:
 
 def _message(tree: type[Tree], error: ErrorDetails, sources: Mapping[str, str]) -> str:
     """Return one line for an error of pydantic: where, what, and what may have been meant."""
-    table, *rest = map(str, error["loc"])
+    table, rest = str(error["loc"][0]), error["loc"][1:]
     if table not in tree.tables():
         return f"{sources[table]}: there is no table [{table}]. {_instead(table, tree.tables())}"
-    fields = tree.tables()[table].model_fields
-    if not rest:
+    if not rest and not isinstance(error.get("ctx", {}).get("error"), SettingError):
         return _of_table(table, str(error["msg"]).removeprefix("Value error, "), sources)
-    place = sources[f"{table}.{rest[0]}"]
+    given = {place.partition(".")[2]: each for place, each in sources.items() if place.startswith(f"{table}.")}
+    return _refusal(tree.tables()[table], error, rest, given, f"[{table}] ")
+
+
+def _refusal(
+    table: type[Table], error: ErrorDetails, loc: tuple[int | str, ...], given: Mapping[str, str], home: str
+) -> str:
+    """Return one line for an error in a table.
+
+    `loc`: where in it. `given`: keys that were given, to what messages call them. `home`: before the names of others.
+    """
+    cause = error.get("ctx", {}).get("error")
+    if isinstance(cause, SettingError):
+        name = next((key for key in cause.keys if key in given), cause.keys[0])
+        return f"{given.get(name, home + name)}: {cause}."
+    if not loc:
+        return f"{home.rstrip()}: {error['msg']}.".lstrip(": ")
+    name = str(loc[0])
+    place = given.get(name, home + name)
     if error["type"] == "extra_forbidden":
-        return f"{place}: there is no such key. {_instead(rest[0], fields)}"
-    return f"{place} = {_toml(error['input'])}: {error['msg'].replace('Input should be', 'must be')}."
+        return f"{place}: there is no such key. {_instead(name, table.model_fields)}"
+    words = error["msg"].removeprefix("Value error, ").replace("Input should be", "must be")
+    return f"{place} = {_toml(error['input'])}: {words}."
 
 
 def _of_table(table: str, words: str, sources: Mapping[str, str]) -> str:
@@ -287,7 +356,7 @@ def described_text(loaded: Loaded[T], head: str) -> str:
     for table, model in type(loaded.settings).tables().items():
         lines, values[table] = [model.__doc__ or ""], {}
         for name, field in model.model_fields.items():
-            unit, place = unit_of(model, name), f"{table}.{name}"
+            unit, place = note_of(model, name, "unit"), f"{table}.{name}"
             words = (f"[{unit}] " if unit else "") + (field.description or "")
             value = loaded.settings.get(place)
             if value is None:
