@@ -20,8 +20,8 @@ import numpy as np
 
 from mapq.cloud import PointCloud
 from mapq.features import FeatureSettings, patch_features
-from mapq.labels import label_from_field
-from mapq.patches import NO_PATCH, SUSPICIOUS, Patches
+from mapq.labels import NO_PATCH, SUSPICIOUS
+from mapq.patches import Patches, label_from_field
 from mapq.perturb import PoseErrors, build, displaced
 from mapq.posed import PosedScans
 from mapq.results.causes import CAUSES, LOCAL, MISSED_LOOP, Cause, find_causes

@@ -25,8 +25,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapq.io import read_cloud, write_cloud
-from mapq.patches import UNLABELLED
-from mapq.results import assess
+from mapq.labels import UNLABELLED
+from mapq.results.result import assess
 from mapq.segmentation import segment
 from mapq.simulate import SIZES, Settings, simulate
 from mapq.simulate.city import POINTS_OF_TILE, write_city

@@ -24,11 +24,11 @@ from mapq.crf import TrainSettings, classify
 from mapq.crf.cross_validation import train
 from mapq.crf.train import TrainingMap
 from mapq.features import FeatureSettings, patch_features
-from mapq.features.settings import CONTEXTS
+from mapq.features.settings import CONTEXTS, feature_settings
 from mapq.io.models import read_default_model
+from mapq.labels import SUSPICIOUS
 from mapq.model import Model
-from mapq.patches import SUSPICIOUS, Patches
-from mapq.results import feature_settings
+from mapq.patches import Patches
 from mapq.simulate import Kind, Settings
 from mapq.training import N_REGIONS, region_size, regions_of
 

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from mapq.patches import UNLABELLED, Patches
+from mapq.labels import UNLABELLED
+from mapq.patches import Patches
 from mapq.training import SMALLEST_REGION, regions_of
 
 PIECES = 10

@@ -11,8 +11,8 @@ import numpy as np
 from benchmarks.commands import ROOT
 from mapq.cloud import PointCloud
 from mapq.io import ReadOptions, read_cloud
-from mapq.labels import label_from_field
-from mapq.patches import FROM_FIELD, NO_PATCH, PLAUSIBLE, Patches
+from mapq.labels import FROM_FIELD, NO_PATCH, PLAUSIBLE
+from mapq.patches import Patches, label_from_field
 from mapq.posed import FindSettings, PosedScans, find_scans
 from mapq.segmentation import segment
 from prf.shell.poses.trajectory import read_trajectory

@@ -12,11 +12,11 @@ from mapq.crf import TrainSettings, classify
 from mapq.crf.cross_validation import train
 from mapq.crf.train import TrainingMap
 from mapq.features import FeatureSettings, patch_features
+from mapq.features.settings import feature_settings
 from mapq.io.models import read_default_model
-from mapq.labels import label_from_field
+from mapq.labels import PLAUSIBLE, SUSPICIOUS, UNLABELLED
 from mapq.model import Model
-from mapq.patches import PLAUSIBLE, SUSPICIOUS, UNLABELLED, Patches
-from mapq.results import feature_settings
+from mapq.patches import Patches, label_from_field
 from mapq.results.evaluate import Scores, score_labels
 from mapq.segmentation import segment
 from mapq.simulate import Settings, simulate

@@ -18,8 +18,9 @@ from benchmarks.entropies import entropies
 from benchmarks.real_methods import say
 from mapq.cloud import PointCloud
 from mapq.features import FeatureSettings, patch_features
+from mapq.labels import SUSPICIOUS
 from mapq.model import Model
-from mapq.patches import SUSPICIOUS, Patches
+from mapq.patches import Patches
 from mapq.perturb import build
 from mapq.posed import PosedScans
 from mapq.results.regions import weighted_median

@@ -21,8 +21,8 @@ from benchmarks import real_data
 from benchmarks.map_metrics import map_metrics
 from benchmarks.real_methods import models_from_simulation, say
 from mapq.features import measure_shapes
+from mapq.labels import SUSPICIOUS
 from mapq.model import Model
-from mapq.patches import SUSPICIOUS
 from mapq.perturb import PoseErrors, build
 from mapq.perturb.label import Rule, label_points
 from mapq.posed import PosedScans

@@ -22,9 +22,8 @@ from mapq.crf.cross_validation import train
 from mapq.crf.train import TrainingMap
 from mapq.features import FeatureSettings, patch_features
 from mapq.features.provenance import PASS, SCAN, TIME, TO_SENSOR
-from mapq.graph import PatchFeatures
-from mapq.labels import label_from_field
-from mapq.patches import Patches
+from mapq.features.table import PatchFeatures
+from mapq.patches import Patches, label_from_field
 from mapq.results.evaluate import Scores, score_labels
 from mapq.segmentation import segment
 from mapq.simulate import Settings, simulate

@@ -21,9 +21,10 @@ from benchmarks.real_data import disagreement_of
 from benchmarks.real_methods import without_scans
 from data import make_default_model as recipe
 from mapq.features import FeatureSettings, patch_features
-from mapq.graph import PatchFeatures
+from mapq.features.table import PatchFeatures
 from mapq.io import read_patches, write_patches
-from mapq.patches import SUSPICIOUS, UNLABELLED, Patches
+from mapq.labels import SUSPICIOUS, UNLABELLED
+from mapq.patches import Patches
 from mapq.posed.merge import cell_keys
 
 RADIUS, THIN, ASKED = 0.5, 0.1, 60

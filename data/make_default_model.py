@@ -21,8 +21,7 @@ from data.training_worlds import training_patches
 from mapq.crf.calibration import with_false_alarms
 from mapq.crf.settings import TrainSettings
 from mapq.io.models import write_model
-from mapq.labels import label_from_field
-from mapq.patches import Patches
+from mapq.patches import Patches, label_from_field
 from mapq.perturb.label import Rule, label_points
 from mapq.segmentation import segment
 from mapq.simulate import Settings, simulate

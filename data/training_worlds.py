@@ -22,8 +22,7 @@ from data.training_scenes import Site, make_site
 from mapq.cloud import PointCloud
 from mapq.io import write_patches
 from mapq.kernels.raycast import cast_beams
-from mapq.labels import label_from_field
-from mapq.patches import Patches
+from mapq.patches import Patches, label_from_field
 from mapq.perturb.cells import mean_of
 from mapq.perturb.errors import PoseErrors, displaced
 from mapq.perturb.known import FEWEST, Surfaces, known_disagreement

@@ -10,7 +10,17 @@ from typing import TYPE_CHECKING
 from prf import __version__ as __version__
 
 if TYPE_CHECKING:
-    from mapq.api import classify, point_cloud, read_cloud, read_scans, segment, train
+    from mapq.api import (
+        classify,
+        patch_features,
+        point_cloud,
+        read_cloud,
+        read_scans,
+        segment,
+        train,
+        write_model,
+        write_patches,
+    )
     from mapq.cloud import PointCloud
     from mapq.crf import TrainSettings
     from mapq.features import FeatureSettings
@@ -20,7 +30,7 @@ if TYPE_CHECKING:
     from mapq.model import Model
     from mapq.patches import Patches
     from mapq.posed import FindSettings, MergeSettings
-    from mapq.results import Result
+    from mapq.results.result import Result
     from mapq.segmentation import SegmentSettings
     from prf.shell.errors import PrfError
 
@@ -37,6 +47,7 @@ __all__ = [
     "SegmentSettings",
     "TrainSettings",
     "classify",
+    "patch_features",
     "point_cloud",
     "read_cloud",
     "read_model",
@@ -44,11 +55,23 @@ __all__ = [
     "read_scans",
     "segment",
     "train",
+    "write_model",
+    "write_patches",
 ]
 
 _HOMES = {
-    "mapq.api": ("classify", "point_cloud", "read_cloud", "read_scans", "segment", "train"),
-    "mapq.results": ("Result",),
+    "mapq.api": (
+        "classify",
+        "patch_features",
+        "point_cloud",
+        "read_cloud",
+        "read_scans",
+        "segment",
+        "train",
+        "write_model",
+        "write_patches",
+    ),
+    "mapq.results.result": ("Result",),
     "mapq.cloud": ("PointCloud",),
     "mapq.crf": ("TrainSettings",),
     "mapq.features": ("FeatureSettings",),

@@ -1,4 +1,4 @@
-"""Functions that read or make clouds, patches, models and results; all else is a method of these types."""
+"""The verbs: functions that read, make and write clouds, patches, models and results."""
 
 from __future__ import annotations
 
@@ -11,20 +11,27 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mapq import results as assess
 from mapq.cloud import PointCloud
 from mapq.crf import TrainSettings
 from mapq.crf.calibration import with_false_alarms
 from mapq.features import FeatureSettings
+from mapq.features import patch_features as measure
+from mapq.features.compute import N_STEPS
+from mapq.features.table import PatchFeatures
 from mapq.io import clouds as cloud_files
+from mapq.io import models as model_files
+from mapq.io import patches as patch_files
+from mapq.io.maps import read_input
 from mapq.io.models import read_default_model, read_model
 from mapq.io.options import AS_IT_IS, ReadOptions
 from mapq.model import Model
 from mapq.patches import Patches
 from mapq.posed import FindSettings, MergeSettings, find_scans, merge_scans
+from mapq.results.result import Origin, Result, assess
 from mapq.segmentation import STAGES, SegmentSettings
 from mapq.segmentation import segment as cut
 from prf.shell.cli.notebook import ProgressCallback, reported
+from prf.shell.cli.outputs import refuse_existing
 from prf.shell.errors import ArgumentError, UsageError
 
 logger = logging.getLogger(__name__)
@@ -173,6 +180,22 @@ def segment(
     return replace(patches, report={**patches.report, "sources": dict(sources)}) if sources else patches
 
 
+def patch_features(
+    patches: Patches, settings: FeatureSettings | None = None, *, progress: bool | ProgressCallback = False
+) -> PatchFeatures:
+    """Return the features of patches and of pairs of neighbours (equations 6-13).
+
+    Parameters
+    ----------
+    patches : Patches
+    settings : FeatureSettings, optional
+    progress : bool or callable
+        As :func:`segment`.
+    """
+    with reported(progress, N_STEPS, "features") as reporter:
+        return measure(patches, settings, reporter)
+
+
 def classify(
     map: Patches | PointCloud | ArrayLike | Path,
     model: Model | Path | None = None,
@@ -182,7 +205,7 @@ def classify(
     sources: Mapping[str, str] | None = None,
     options: ReadOptions = AS_IT_IS,
     progress: bool | ProgressCallback = True,
-) -> assess.Result:
+) -> Result:
     """Label the patches of a map plausible or suspicious, with reasons.
 
     Parameters
@@ -214,7 +237,7 @@ def classify(
     used, origin = _model(model, max_false_alarms)
     found: Any = map
     if isinstance(map, str | os.PathLike):
-        found = assess.read_input(os.fspath(map), options)
+        found = read_input(os.fspath(map), options)
         origin = origin._replace(name=os.fspath(map), files=(os.fspath(map), *origin.files))
     if not isinstance(found, Patches):
         found = segment(found, segmentation, sources=sources, progress=progress)
@@ -224,7 +247,7 @@ def classify(
         _warn(found)
     if not isinstance(map, str | os.PathLike):
         origin = origin._replace(name=found.cloud.source or "the map")
-    return assess.assess(found, used, origin=origin)
+    return assess(found, used, origin=origin)
 
 
 def train(
@@ -269,15 +292,39 @@ def train(
         return train_maps(given, settings, features, reporter, conservative)
 
 
-def _model(model: Model | Path | None, max_false_alarms: float | None) -> tuple[Model, assess.Origin]:
+def write_patches(path: Path, patches: Patches, *, force: bool = False) -> None:
+    """Write a PATCHES file, as mapq segment does.
+
+    Raises
+    ------
+    OutputError
+        If the file exists and may not be replaced (`force`), or cannot be written.
+    """
+    refuse_existing(path, force)
+    patch_files.write_patches(path, patches)
+
+
+def write_model(path: Path, model: Model, *, force: bool = False) -> None:
+    """Write a model as readable JSON, to the last bit.
+
+    Raises
+    ------
+    OutputError
+        If the file exists and may not be replaced (`force`), or cannot be written.
+    """
+    refuse_existing(path, force)
+    model_files.write_model(path, model)
+
+
+def _model(model: Model | Path | None, max_false_alarms: float | None) -> tuple[Model, Origin]:
     """Return a model at its operating point, and its name and file."""
     if isinstance(model, Model):
-        used, origin, name = model, assess.Origin(model="given"), "the model"
+        used, origin, name = model, Origin(model="given"), "the model"
     elif model is None:
-        used, origin, name = read_default_model(), assess.Origin(), "the model of the package"
+        used, origin, name = read_default_model(), Origin(), "the model of the package"
     else:
         name = os.fspath(model)
-        used, origin = read_model(model), assess.Origin(model=name, files=(name,))
+        used, origin = read_model(model), Origin(model=name, files=(name,))
     if max_false_alarms is None:
         return used, origin
     if not 0.0 <= max_false_alarms <= 1.0:

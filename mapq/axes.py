@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 
 from mapq.cloud import PointCloud
 from mapq.kernels.cells import find_bounds
-from mapq.patches import NO_PATCH, Patches
+from mapq.labels import NO_PATCH
+from mapq.patches import Patches
 
 TO_SENSOR = ("to_sensor_x", "to_sensor_y", "to_sensor_z")
 """Point fields of the way to the sensor in metres, which turns with the map."""

@@ -5,15 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from mapq.patches import Patches
-    from mapq.segmentation import SegmentSettings
-    from prf.shell.cli.notebook import ProgressCallback
+from mapq.labels import NO_PATCH, UNLABELLED
+from mapq.picture import picture_of_points
+from prf.shell.cli.notebook import card
 
 SHIFT_ABOVE = 1e4
 """Metres: farther from the origin than this, covariances of float64 squares begin to lose what sensors resolve."""
@@ -84,11 +83,10 @@ class PointCloud:
 
     def _repr_html_(self) -> str:
         """Return the card that a notebook shows."""
-        from mapq.render import picture_of
-        from prf.shell.cli.notebook import card
-
         facts = {"points": f"{len(self):,}", "fields": ", ".join(self.fields) or "none", "source": self.source}
-        return card("Point cloud", facts, picture_of(self).png())
+        nowhere, unknown = np.full(len(self), NO_PATCH, np.int32), np.full(len(self), UNLABELLED, np.uint8)
+        picture = picture_of_points(self.source or "arrays", self.metric_of(self.xyz), nowhere, unknown)
+        return card("Point cloud", facts, picture.png())
 
     def world(self) -> NDArray[np.float64]:
         """Return the coordinates (n, 3) as the file has them, in float64, to the last bit.
@@ -123,12 +121,6 @@ class PointCloud:
     def with_fields(self, **values: NDArray[Any]) -> PointCloud:
         """Return the cloud with fields added, or replaced where the name is taken."""
         return replace(self, fields={**self.fields, **values})
-
-    def segment(self, settings: SegmentSettings | None = None, *, progress: bool | ProgressCallback = True) -> Patches:
-        """Cut the cloud into plane patches; see :func:`mapq.segment`."""
-        from mapq.api import segment
-
-        return segment(self, settings, progress=progress)
 
 
 def _moved(xyz: NDArray[np.float64], shift: NDArray[np.float64]) -> NDArray[np.float64]:

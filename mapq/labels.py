@@ -1,30 +1,26 @@
-"""Labels of patches from a field of their points."""
+"""Labels of patches, and what the labels of their points make of them."""
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import Any, NamedTuple
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mapq.cloud import PointCloud
-from mapq.patches import FROM_FIELD, FROM_HAND, FROM_NOBODY, NO_PATCH, PLAUSIBLE, SUSPICIOUS, UNLABELLED, Patches
 from prf.shell.errors import InputError
+
+NO_PATCH = -1
+"""Patch number of a point that belongs to none."""
+
+PLAUSIBLE, SUSPICIOUS, UNLABELLED = 0, 1, 255
+"""Labels of a patch; `UNLABELLED` also marks points without a patch in a result."""
+
+FROM_NOBODY, FROM_FIELD, FROM_HAND = 0, 1, 2
+"""Source of a label: those set by hand outrank those of a field."""
 
 SURE = 0.9
 """Share of a patch's points that must be plausible for a conservative label to call it so."""
-
-
-class LabelCounts(NamedTuple):
-    """What labelling from a field did."""
-
-    n_patches: int  # after labelling
-    n_suspicious: int
-    n_plausible: int
-    n_unlabelled: int
-    n_ties: int  # patches with as many points of either kind, which became suspicious
-    n_kept: int  # patches whose label was set by hand and stays
 
 
 def majority_labels(
@@ -56,16 +52,16 @@ def majority_of(counts: NDArray[np.int64]) -> tuple[NDArray[np.uint8], NDArray[n
     return np.where(known, label, UNLABELLED).astype(np.uint8), known & (suspicious == plausible)
 
 
-def truth_values(cloud: PointCloud, name: str, patch: NDArray[np.integer], where: str) -> NDArray[Any]:
+def truth_values(fields: Mapping[str, NDArray[Any]], name: str, patch: NDArray[np.integer], where: str) -> NDArray[Any]:
     """Return the 0/1 point field `name` (n,) of file `where`; 255 is a point without a label.
 
     Raises InputError if there is no such field, it is not one number a point, or a point of a patch has another value
     or nan.
     """
-    if name not in cloud.fields:
-        known = ", ".join(cloud.fields) or "none"
+    if name not in fields:
+        known = ", ".join(fields) or "none"
         raise InputError(f"{where}: no point field {name}; there are {known}.")
-    values = np.asarray(cloud.fields[name])
+    values = np.asarray(fields[name])
     if values.ndim != 1:
         raise InputError(f"{where}: field {name} has {values.shape[1]} numbers a point; a label is one.")
     strange = ~np.isin(values, (PLAUSIBLE, SUSPICIOUS, UNLABELLED)) & (patch != NO_PATCH)
@@ -91,32 +87,3 @@ def conservative_labels(
     counts = np.bincount(patch[inside], minlength=n_patches)
     label = np.where(plausible >= SURE * np.maximum(counts, 1), PLAUSIBLE, SUSPICIOUS)
     return label.astype(np.uint8), np.zeros(n_patches, np.bool_)
-
-
-def label_from_field(
-    patches: Patches, name: str, where: str, overwrite_hand: bool = False, conservative: bool = False
-) -> tuple[Patches, LabelCounts]:
-    """Return the patches of file `where` labelled by a point field, and what that did.
-
-    By the majority of the points, or with `conservative` as :func:`conservative_labels`.
-
-    Labels set by hand stay unless `overwrite_hand`; labels of an earlier field are replaced, also by none.
-
-    Raises InputError as :func:`truth_values`.
-    """
-    values = truth_values(patches.cloud, name, patches.patch, where)
-    rule = conservative_labels if conservative else majority_labels
-    label, ties = rule(patches.patch, len(patches), values)
-    source = np.where(label == UNLABELLED, FROM_NOBODY, FROM_FIELD).astype(np.uint8)
-    kept = (patches.label_source == FROM_HAND) & (not overwrite_hand)
-    label, source = np.where(kept, patches.label, label), np.where(kept, patches.label_source, source)
-    n_suspicious, n_plausible = (int(np.count_nonzero(label == kind)) for kind in (SUSPICIOUS, PLAUSIBLE))
-    counts = LabelCounts(
-        len(patches),
-        n_suspicious,
-        n_plausible,
-        len(patches) - n_suspicious - n_plausible,
-        int(np.count_nonzero(ties & ~kept)),
-        int(np.count_nonzero(kept)),
-    )
-    return replace(patches, label=label, label_source=source), counts

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
@@ -158,20 +157,6 @@ class Model:
     def parameter_names(self) -> tuple[str, ...]:
         """Names of the weights, ``group.name``."""
         return parameter_names(self.edge_model, self.node.names)
-
-    def save(self, path: str | os.PathLike[str], *, force: bool = False) -> None:
-        """Write the model as readable JSON, to the last bit.
-
-        Raises
-        ------
-        OutputError
-            If the file exists and may not be replaced (`force`), or cannot be written.
-        """
-        from mapq.io.models import write_model
-        from prf.shell.cli.outputs import refuse_existing
-
-        refuse_existing(path, force)
-        write_model(path, self)
 
 
 def parameter_names(edge_model: str, node_names: tuple[str, ...]) -> tuple[str, ...]:

@@ -2,35 +2,33 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mapq.cloud import PointCloud
+from mapq.labels import (
+    FROM_FIELD,
+    FROM_HAND,
+    FROM_NOBODY,
+    NO_PATCH,
+    PLAUSIBLE,
+    SUSPICIOUS,
+    UNLABELLED,
+    conservative_labels,
+    majority_labels,
+    truth_values,
+)
+from mapq.picture import Picture, picture_of_points
+from prf.shell.cli.notebook import card
 from prf.shell.errors import ArgumentError
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-    from mapq.features import FeatureSettings
-    from mapq.graph import PatchFeatures
-    from mapq.model import Model
-    from mapq.results import Result
-    from prf.shell.cli.notebook import ProgressCallback
-
-NO_PATCH = -1
-"""Patch number of a point that belongs to none."""
-
-PLAUSIBLE, SUSPICIOUS, UNLABELLED = 0, 1, 255
-"""Labels of a patch; `UNLABELLED` also marks points without a patch in a result."""
-
-FROM_NOBODY, FROM_FIELD, FROM_HAND = 0, 1, 2
-"""Source of a label: those set by hand outrank those of a field."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -112,32 +110,6 @@ class Patches:
             xyz = self.centroid[group]
         return len(mine), np.array([xyz.min(axis=0), xyz.max(axis=0), np.sort(xyz, axis=0).mean(axis=0)])
 
-    def features(
-        self, settings: FeatureSettings | None = None, *, progress: bool | ProgressCallback = False
-    ) -> PatchFeatures:
-        """Return the features of patches and of pairs of neighbours (equations 6-13).
-
-        Parameters
-        ----------
-        settings : FeatureSettings, optional
-        progress : bool or callable
-            As :func:`mapq.segment`.
-        """
-        from mapq.features import patch_features
-        from mapq.features.compute import N_STEPS
-        from prf.shell.cli.notebook import reported
-
-        with reported(progress, N_STEPS, "features") as reporter:
-            return patch_features(self, settings, reporter)
-
-    def classify(
-        self, model: Model | str | os.PathLike[str] | None = None, *, max_false_alarms: float | None = None
-    ) -> Result:
-        """Label the patches plausible or suspicious; see :func:`mapq.classify`."""
-        from mapq.api import classify
-
-        return classify(self, model, max_false_alarms=max_false_alarms)
-
     def labelled(self, labels: ArrayLike | str) -> Patches:
         """Return the patches with labels, for :func:`mapq.train`.
 
@@ -153,8 +125,6 @@ class Patches:
         InputError
             If there is no such field, or it is none of 0, 1 and 255.
         """
-        from mapq.labels import label_from_field
-
         if isinstance(labels, str):
             return label_from_field(self, labels, self.cloud.source or "the cloud", overwrite_hand=True)[0]
         label = np.asarray(labels)
@@ -165,25 +135,14 @@ class Patches:
         source = np.where(label == UNLABELLED, FROM_NOBODY, FROM_HAND).astype(np.uint8)
         return replace(self, label=label.astype(np.uint8), label_source=source)
 
-    def save(self, path: str | os.PathLike[str], *, force: bool = False) -> None:
-        """Write a PATCHES file, as mapq segment does.
-
-        Raises
-        ------
-        OutputError
-            If the file exists and may not be replaced (`force`), or cannot be written.
-        """
-        from mapq.io.patches import write_patches
-        from prf.shell.cli.outputs import refuse_existing
-
-        refuse_existing(path, force)
-        write_patches(path, self)
-
     def plot(self, views: tuple[str, ...] = ("plan",)) -> Figure:
         """Return a picture: labels if there are any, else a colour for each patch; views "plan" and "3d"."""
-        from mapq.render import picture_of
+        return self.picture().draw(views)
 
-        return picture_of(self).draw(views)
+    def picture(self) -> Picture:
+        """Return what :meth:`plot` draws."""
+        label = np.append(self.label, np.uint8(UNLABELLED))[self.patch]
+        return picture_of_points(self.cloud.source or "arrays", self.cloud.metric_of(self.cloud.xyz), self.patch, label)
 
     def __repr__(self) -> str:
         """Return the patches in a line."""
@@ -193,9 +152,6 @@ class Patches:
 
     def _repr_html_(self) -> str:
         """Return the card that a notebook shows."""
-        from mapq.render import picture_of
-        from prf.shell.cli.notebook import card
-
         n_suspicious, n_plausible = (int((self.label == label).sum()) for label in (SUSPICIOUS, PLAUSIBLE))
         facts = {
             "patches": f"{len(self):,}",
@@ -204,7 +160,7 @@ class Patches:
             "source": self.cloud.source or "arrays",
         }
         warnings = " ".join(self.report.get("warnings", ()))
-        return card("Plane patches", facts | ({"warning": warnings} if warnings else {}), picture_of(self).png())
+        return card("Plane patches", facts | ({"warning": warnings} if warnings else {}), self.picture().png())
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -234,3 +190,43 @@ class PatchesOnDisk(Patches):
         n_points = int(weight.sum())
         mean = weight @ self.centroid[group] / max(n_points, 1)
         return n_points, np.array([self.low[group].min(axis=0), self.high[group].max(axis=0), mean])
+
+
+class LabelCounts(NamedTuple):
+    """What labelling from a field did."""
+
+    n_patches: int  # after labelling
+    n_suspicious: int
+    n_plausible: int
+    n_unlabelled: int
+    n_ties: int  # patches with as many points of either kind, which became suspicious
+    n_kept: int  # patches whose label was set by hand and stays
+
+
+def label_from_field(
+    patches: Patches, name: str, where: str, overwrite_hand: bool = False, conservative: bool = False
+) -> tuple[Patches, LabelCounts]:
+    """Return the patches of file `where` labelled by a point field, and what that did.
+
+    By the majority of the points, or with `conservative` as :func:`conservative_labels`.
+
+    Labels set by hand stay unless `overwrite_hand`; labels of an earlier field are replaced, also by none.
+
+    Raises InputError as :func:`truth_values`.
+    """
+    values = truth_values(patches.cloud.fields, name, patches.patch, where)
+    rule = conservative_labels if conservative else majority_labels
+    label, ties = rule(patches.patch, len(patches), values)
+    source = np.where(label == UNLABELLED, FROM_NOBODY, FROM_FIELD).astype(np.uint8)
+    kept = (patches.label_source == FROM_HAND) & (not overwrite_hand)
+    label, source = np.where(kept, patches.label, label), np.where(kept, patches.label_source, source)
+    n_suspicious, n_plausible = (int(np.count_nonzero(label == kind)) for kind in (SUSPICIOUS, PLAUSIBLE))
+    counts = LabelCounts(
+        len(patches),
+        n_suspicious,
+        n_plausible,
+        len(patches) - n_suspicious - n_plausible,
+        int(np.count_nonzero(ties & ~kept)),
+        int(np.count_nonzero(kept)),
+    )
+    return replace(patches, label=label, label_source=source), counts

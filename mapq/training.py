@@ -16,8 +16,9 @@ from mapq.crf.cross_validation import Trained, split_regions, train
 from mapq.crf.train import TrainingMap
 from mapq.features import FeatureSettings, patch_features
 from mapq.io import read_patches
+from mapq.labels import PLAUSIBLE, SUSPICIOUS, UNLABELLED
 from mapq.model import Model
-from mapq.patches import PLAUSIBLE, SUSPICIOUS, UNLABELLED, Patches
+from mapq.patches import Patches
 from mapq.results.evaluate import Scores, score_labels
 from prf.shell.cli.manifest import describe_input, describe_process
 from prf.shell.cli.progress import Reporter

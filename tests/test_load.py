@@ -17,7 +17,8 @@ import pytest
 import prf.sampler.chain
 import prf.sampler.driver
 import prf.sampler.record
-from mapq.report import read_findings, write_report
+from mapq.report.findings import read_findings
+from mapq.report.page import write_report
 from prf.configuration import Configuration
 from prf.results import names
 from prf.sampler.anneal import anneal

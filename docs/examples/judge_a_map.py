@@ -7,15 +7,15 @@ import mapq
 whole = mapq.read_cloud("data/demo-town.ply.gz")
 corner = whole.take(np.linalg.norm(whole.xyz[:, :2] - [126.0, 10.0], axis=1) < 20.0)
 
-patches = corner.segment(mapq.SegmentSettings(min_points=100))
+patches = mapq.segment(corner, mapq.SegmentSettings(min_points=100))
 print(patches)
 
-features = patches.features()
+features = mapq.patch_features(patches)
 print(features.nodes["thickness_m"].max(), features.units["thickness_m"])
 edges = features.edges
 print(edges[["i", "j", "plausibility"]][edges["plausibility"].argsort()[:3]])
 
-result = patches.classify()  # by the model of the package
+result = mapq.classify(patches)  # by the model of the package
 print(result)
 print(result.verdict(fail_over=0.05)["passed"])
 

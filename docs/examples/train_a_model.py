@@ -12,7 +12,7 @@ by_hand[:3] = 1  # 1 suspicious, 0 plausible, 255 unknown
 model = mapq.train(labelled.labelled(by_hand))
 print(model.training["n_patches"], "patches,", model.training["n_suspicious"], "of them suspicious")
 print({name: round(model.training["held_out"][name], 3) for name in ("recall", "specificity", "auc")})
-model.save("town.model.json")
+mapq.write_model("town.model.json", model)
 
-result = town.take(~west).segment().classify("town.model.json")
+result = mapq.classify(town.take(~west), "town.model.json")
 print(f"{result.evaluate('truth').accuracy:.0%} of {len(result.label)} patches as they are in truth")

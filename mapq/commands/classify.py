@@ -35,7 +35,8 @@ from prf.shell.cli.options import Assignments, Force, Json, Output, Presets
 if TYPE_CHECKING:
     from mapq.configuration import Configuration
     from mapq.io import ReadOptions
-    from mapq.results import Region, Result
+    from mapq.results.regions import Region
+    from mapq.results.result import Result
     from prf.shell.cli.settings import Loaded
 
 logger = logging.getLogger(__name__)
@@ -112,7 +113,7 @@ def classify(
     """
     from mapq.configuration import load_configuration
     from mapq.io.results import result_lines
-    from mapq.results import MIN_COVERAGE
+    from mapq.results.result import MIN_COVERAGE
     from mapq.tiled.source import is_tiled
     from prf.shell.cli import console, jsonout
     from prf.shell.cli.files import STREAM
@@ -199,7 +200,7 @@ def _classify_tiles(
     from mapq.io.result_folder import RESULT_JSON
     from mapq.io.results import json_beside
     from mapq.posed.files import pose_names
-    from mapq.results import Origin
+    from mapq.results.result import Origin
     from mapq.tiled.output import CLOUD_SUFFIXES
     from mapq.tiled.run import TileSettings, classify_map
     from mapq.tiled.source import is_tiled

@@ -13,8 +13,7 @@ from prf.shell.cli.console import is_verbose
 from prf.shell.cli.options import Assignments, Json, Presets
 
 if TYPE_CHECKING:
-    from mapq.features.table import Table
-    from mapq.graph import PatchFeatures
+    from mapq.features.table import PatchFeatures, Table
 
 logger = logging.getLogger(__name__)
 
@@ -43,6 +42,7 @@ def features(
     ones (equations 9-12), and the plausibility x_ij of that (equation 13), low where walls are doubled or cross. -v
     sums up all columns.
     """
+    from mapq.api import patch_features
     from mapq.configuration import load_configuration
     from mapq.features.table import csv_lines, edge_table, node_table, records
     from mapq.io import read_patches
@@ -53,7 +53,7 @@ def features(
         raise UsageError("--csv and --json do not go together.")
     given = {"config": config, "preset": preset, "assignments": assignments}
     settings = load_configuration(given, "features").settings.features.settings()
-    found = read_patches(patches).features(settings, progress=True)
+    found = patch_features(read_patches(patches), settings, progress=True)
     if found.n_clipped:
         logger.warning("%s: %d values were infinite, undefined or beyond 1e6 and were cut.", patches, found.n_clipped)
     tables = {"nodes": node_table(found), "edges": edge_table(found)}

@@ -11,7 +11,7 @@ from prf.shell.cli.options import Json
 
 if TYPE_CHECKING:
     from mapq.labelling import HandCounts
-    from mapq.labels import LabelCounts
+    from mapq.patches import LabelCounts
 
 EXAMPLES = (
     "mapq label city.patches",
@@ -85,7 +85,7 @@ def label(
 def _from_field(path: str, name: str, conservative: bool, force: bool, json: bool) -> None:
     """Label by a point field."""
     from mapq.labelling.store import relabel
-    from mapq.labels import label_from_field
+    from mapq.patches import label_from_field
     from prf.shell.cli import console, jsonout
 
     counts = relabel(path, lambda patches: label_from_field(patches, name, path, force, conservative))

@@ -64,7 +64,7 @@ def render(
     The suffix of the output chooses PNG, SVG or PDF; without -o the picture is a PNG in the current folder.
     """
     from mapq.configuration import load_configuration
-    from mapq.render import read_picture
+    from mapq.report.drawing import read_picture
     from prf.shell.cli.files import STREAM
     from prf.shell.cli.outputs import claim_output
     from prf.shell.cli.pictures import picture_format, save

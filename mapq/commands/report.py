@@ -41,7 +41,8 @@ def report(
     click on a patch, in a view or in the table, shows its features, its label with its probability, and the reasons in
     words. Of a result in tiles a part of the points is read. Without -o the page is beside RESULT: its name with .html.
     """
-    from mapq.report import read_findings, write_report
+    from mapq.report.findings import read_findings
+    from mapq.report.page import write_report
     from prf.shell.cli.files import STREAM
     from prf.shell.cli.outputs import claim_output
 

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from scipy.optimize import isotonic_regression, minimize, minimize_scalar
 from scipy.special import expit, logit
 
+from mapq.labels import SUSPICIOUS
 from mapq.model import ISOTONIC, LEAST_SLOPE, PLATT, TEMPERATURE, Calibration, Model
-from mapq.patches import SUSPICIOUS
 from prf.shell.errors import UsageError
 
 SLOPES = (1e-3, 1e3)

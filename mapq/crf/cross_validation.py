@@ -26,8 +26,8 @@ from mapq.crf.train import (
     signs,
 )
 from mapq.crf.trees import add_evidence, columns_of, grow, without_scans
+from mapq.labels import SUSPICIOUS, UNLABELLED
 from mapq.model import NONE, Calibration, Columns, Model, Potential
-from mapq.patches import SUSPICIOUS, UNLABELLED
 
 STRENGTHS = (1.0, 10.0)
 """Regularisation strengths that are tried; held-out scores hardly depend on them."""

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapq.crf.trees import with_evidence
-from mapq.graph import PatchFeatures
+from mapq.features.table import PatchFeatures
 from mapq.model import NONE, PLAUSIBILITY, Model, Scaling
 from prf.shell.errors import InputError
 

@@ -15,10 +15,10 @@ from mapq.crf.energy import (
     node_columns,
 )
 from mapq.crf.trees import columns_of
-from mapq.graph import PatchFeatures
+from mapq.features.table import PatchFeatures
 from mapq.kernels.boosted_trees import contributions
+from mapq.labels import SUSPICIOUS
 from mapq.model import NONE, Model
-from mapq.patches import SUSPICIOUS
 
 BASE = "base"
 """The bias of nodes: the log-odds of a patch of which nothing is known."""

@@ -16,9 +16,9 @@ from scipy.sparse.csgraph import reverse_cuthill_mckee
 
 from mapq.crf.calibration import probabilities
 from mapq.crf.energy import Field, make_field, model_inputs
-from mapq.graph import PatchFeatures
+from mapq.features.table import PatchFeatures
+from mapq.labels import PLAUSIBLE, SUSPICIOUS
 from mapq.model import Model
-from mapq.patches import PLAUSIBLE, SUSPICIOUS
 from prf.shell.errors import InputError
 
 FLOW_BITS = 61

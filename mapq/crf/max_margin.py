@@ -19,8 +19,8 @@ from scipy import sparse
 
 from mapq.crf.energy import Field, Inputs
 from mapq.crf.graph_cut import solve
+from mapq.labels import SUSPICIOUS
 from mapq.model import NONE
-from mapq.patches import SUSPICIOUS
 
 GAP = 1e-3
 """The objective at the weights returned exceeds the least one by no more than this share of it."""

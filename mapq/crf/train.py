@@ -13,9 +13,9 @@ from mapq.crf.energy import Inputs, label_design, make_inputs, node_columns, req
 from mapq.crf.max_margin import GAP, fit_margin, make_part
 from mapq.crf.pseudo_likelihood import Problem, fit
 from mapq.crf.settings import MAX_MARGIN, TREES, TrainSettings
-from mapq.graph import PatchFeatures
+from mapq.features.table import PatchFeatures
+from mapq.labels import SUSPICIOUS, UNLABELLED
 from mapq.model import CLIP, EVIDENCE, NONE, Scaling
-from mapq.patches import SUSPICIOUS, UNLABELLED
 from prf.shell.errors import InputError
 
 logger = logging.getLogger(__name__)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from mapq.features import copies
 from mapq.features.context import NODE_COLUMNS
-from mapq.graph import PatchFeatures
+from mapq.features.table import PatchFeatures
 from mapq.kernels.boosted_trees import LEAF, Trees, contributions
 from mapq.model import EVIDENCE, NOBODY, Columns, Potential
 

@@ -10,12 +10,18 @@ from numpy.typing import NDArray
 from mapq.axes import GroundPlan, corner_of, from_corner, turn, turn_patches
 from mapq.features import literal
 from mapq.features.context import Beyond, measure_context
-from mapq.features.edge import EDGE_NAMES, edge_features
-from mapq.features.neighbours import find_neighbours, take_pairs
-from mapq.features.node import NODE_NAMES, SHAPE_NAMES, node_features, shape_table
+from mapq.features.pairs import EDGE_NAMES, PatchGraph, edge_features, find_neighbours, take_pairs
 from mapq.features.settings import FeatureSettings
-from mapq.features.shape import PatchShapes, measure_shapes, up_direction
-from mapq.graph import PatchFeatures, PatchGraph
+from mapq.features.shape import (
+    NODE_NAMES,
+    SHAPE_NAMES,
+    PatchShapes,
+    measure_shapes,
+    node_features,
+    shape_table,
+    up_direction,
+)
+from mapq.features.table import PatchFeatures
 from mapq.patches import Patches
 from prf.shell.cli.progress import Reporter
 

@@ -12,14 +12,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mapq.features.copies import COLUMNS, copy_columns
+from mapq.features.copies import COLUMNS, copy_columns, nearby_points
 from mapq.features.disagreement import Disagreement, joined, measure_disagreement
-from mapq.features.edge import EDGE_NAMES, smaller_first
+from mapq.features.pairs import EDGE_NAMES, PatchGraph, smaller_first
 from mapq.features.provenance import Known, known_of, moments_of, ways_of
 from mapq.features.settings import FeatureSettings
 from mapq.features.shape import PatchShapes
-from mapq.features.voxels import nearby_points
-from mapq.graph import PatchGraph
 from mapq.patches import Patches
 
 DISAGREEMENT = ("disagreement", "disagreement_low", "disagreement_high")

@@ -16,8 +16,8 @@ from scipy.spatial import cKDTree
 from scipy.special import ndtri
 from threadpoolctl import threadpool_limits
 
+from mapq.features.copies import FARTHEST
 from mapq.features.shape import PatchShapes
-from mapq.features.voxels import FARTHEST
 from mapq.kernels.scan_layers import CELL_SPACINGS, LARGEST_CELL, SMALLEST_CELL, Motions, find_layers, find_sightings
 from mapq.kernels.scan_motions import fit_motions, match_scans, ranges_of_cells
 from mapq.kernels.voxels import Nearby

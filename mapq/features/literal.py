@@ -8,10 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
-from mapq.features.edge import angles
+from mapq.features.pairs import PatchGraph, angles
 from mapq.features.settings import FeatureSettings
 from mapq.features.shape import PatchShapes
-from mapq.graph import PatchGraph
 
 NODE_NAMES = ("inverse_mse", "inverse_up_cosine", "volume_per_area")
 BOUND = 1e6

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import json
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Literal
 
-from prf.shell.errors import ConfigError
+from pydantic import TypeAdapter, ValidationError
+
+from mapq.model import Model
+from prf.shell.errors import ConfigError, InputError
 
 Reading = Literal["safe", "literal"]
 """How equations 6 to 13 are read: bounded and in metres, or as printed."""
@@ -108,3 +112,23 @@ class FeatureSettings:
             "up": up,
             "context": list(self.context) if self.reading == "safe" else [],
         }
+
+
+def feature_settings(model: Model) -> FeatureSettings:
+    """Return the settings with which the model's features were measured.
+
+    Raises InputError if one is missing, unknown, or outside its domain.
+    """
+    known = {field.name for field in fields(FeatureSettings)}
+    for name in sorted(known ^ set(model.features)):
+        state = "is missing" if name in known else "is not known to this release"
+        raise InputError(f"the model's feature setting {name} {state}. Train the model anew.")
+    try:
+        # As JSON: arrays may become tuples there, and no word becomes a number.
+        return TypeAdapter(FeatureSettings).validate_json(json.dumps(dict(model.features)), strict=True)
+    except (ValidationError, ConfigError) as error:
+        what = error.errors()[0] if isinstance(error, ValidationError) else {"loc": (), "msg": str(error)}
+        where = "".join(f" {place}" for place in what["loc"][:1])
+        raise InputError(
+            f"the model's feature setting{where} cannot be used ({what['msg']}). Train the model anew."
+        ) from None

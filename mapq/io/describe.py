@@ -22,7 +22,8 @@ from mapq.io.patches import SCHEMA as PATCHES_SCHEMA
 from mapq.io.patches import holds_patches, parse_patches
 from mapq.io.result_folder import ResultFolder, is_result_folder, open_result_folder
 from mapq.io.results import PATCH, RESULT_FIELDS, patch_counts, read_result_json
-from mapq.patches import FROM_FIELD, FROM_HAND, NO_PATCH, PLAUSIBLE, SUSPICIOUS, UNLABELLED, Patches
+from mapq.labels import FROM_FIELD, FROM_HAND, NO_PATCH, PLAUSIBLE, SUSPICIOUS, UNLABELLED
+from mapq.patches import Patches
 from prf.shell.cli.files import STREAM
 from prf.shell.errors import InputError
 

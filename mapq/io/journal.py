@@ -19,7 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapq.io.content import damage_in_one_line
-from mapq.patches import FROM_HAND, PLAUSIBLE, SUSPICIOUS, UNLABELLED, Patches
+from mapq.labels import FROM_HAND, PLAUSIBLE, SUSPICIOUS, UNLABELLED
+from mapq.patches import Patches
 from prf.shell.cli.files import open_input
 from prf.shell.cli.storage import check_schema
 from prf.shell.errors import InputError, cannot_write

@@ -15,7 +15,8 @@ from mapq.io.content import Content, damage_in_one_line
 from mapq.io.fields import Array
 from mapq.io.journal import with_journal
 from mapq.io.npy import ZIP_MAGIC
-from mapq.patches import NO_PATCH, PLAUSIBLE, SUSPICIOUS, UNLABELLED, Patches
+from mapq.labels import NO_PATCH, PLAUSIBLE, SUSPICIOUS, UNLABELLED
+from mapq.patches import Patches
 from prf.shell.cli.files import STREAM, open_output
 from prf.shell.cli.jsonout import jsonable
 from prf.shell.cli.storage import check_schema, damaged, take_array

@@ -15,7 +15,7 @@ from mapq.io.las import LasHead, read_las_head, read_las_pieces
 from mapq.io.options import AS_IT_IS, ReadOptions
 from mapq.io.results import PATCH, RESULT_FIELDS, stated_unit
 from mapq.io.write import LAS_SUFFIXES
-from mapq.patches import NO_PATCH
+from mapq.labels import NO_PATCH
 from prf.shell.errors import InputError
 
 RESULT_JSON = "result.json"

@@ -20,7 +20,7 @@ from mapq.cloud import PointCloud
 from mapq.io.content import damage_in_one_line
 from mapq.io.fields import original_names
 from mapq.io.write import check_name, write_cloud
-from mapq.patches import PLAUSIBLE, SUSPICIOUS, UNLABELLED
+from mapq.labels import PLAUSIBLE, SUSPICIOUS, UNLABELLED
 from prf.shell.cli.files import STREAM, atomic_write, open_input, together
 from prf.shell.cli.jsonout import dump_object, jsonable
 from prf.shell.cli.outputs import claim_output

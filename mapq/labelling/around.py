@@ -7,10 +7,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mapq.patches import NO_PATCH, Patches
+from mapq.labels import NO_PATCH
+from mapq.patches import Patches
 from mapq.report.scene import build_scene
-from mapq.results import Result
 from mapq.results.reasons import Reason, Reasons, pair_words
+from mapq.results.result import Result
 from prf.shell.cli.page.markup import packed
 
 MOST_NEIGHBOURS = 10

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from mapq.labelling.around import Surroundings
 from mapq.labelling.store import NOTHING_YET, Store
-from mapq.patches import FROM_FIELD, UNLABELLED
+from mapq.labels import FROM_FIELD, UNLABELLED
 from mapq.report.scene import VIEWS
-from mapq.results import Result
+from mapq.results.result import Result
 from prf.shell.cli.page.markup import escape, page
 
 

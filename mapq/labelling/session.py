@@ -21,7 +21,7 @@ from mapq.labelling.server import LabelServer
 from mapq.labelling.store import open_store
 from mapq.model import Model
 from mapq.patches import Patches
-from mapq.results import Result, assess
+from mapq.results.result import Result, assess
 from prf.shell.cli.progress import progress
 from prf.shell.cli.signals import graceful_stop
 from prf.shell.errors import ConfigError, InputError

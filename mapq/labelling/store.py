@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from mapq.io.content import Content
 from mapq.io.journal import Event, Journal, fingerprint, journal_beside, read_journal, replay
 from mapq.io.patches import parse_stored, read_patches, write_patches
-from mapq.patches import FROM_FIELD, FROM_HAND, PLAUSIBLE, SUSPICIOUS, UNLABELLED, Patches
+from mapq.labels import FROM_FIELD, FROM_HAND, PLAUSIBLE, SUSPICIOUS, UNLABELLED
+from mapq.patches import Patches
 from prf.shell.cli.files import open_input
 from prf.shell.cli.outputs import exclusive, refuse_existing
 from prf.shell.errors import OutputError

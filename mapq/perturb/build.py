@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapq.cloud import PointCloud
-from mapq.patches import PLAUSIBLE, SUSPICIOUS, UNLABELLED
+from mapq.labels import PLAUSIBLE, SUSPICIOUS, UNLABELLED
 from mapq.perturb.errors import PoseErrors, displaced
 from mapq.perturb.known import Disagreement, find_surfaces, known_disagreement
 from mapq.perturb.label import Rule, label_points

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from mapq.io.write import check_name, write_cloud
-from mapq.patches import PLAUSIBLE, SUSPICIOUS, UNLABELLED
+from mapq.labels import PLAUSIBLE, SUSPICIOUS, UNLABELLED
 from mapq.perturb.build import Built
 from prf.shell.cli.files import STREAM, atomic_write, together
 from prf.shell.cli.jsonout import dump_object

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mapq.patches import PLAUSIBLE, SUSPICIOUS, UNLABELLED
+from mapq.labels import PLAUSIBLE, SUSPICIOUS, UNLABELLED
 
 
 @dataclass(frozen=True)

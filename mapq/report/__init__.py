@@ -1,4 +1,1 @@
-"""A report on one result: a page that opens without a network, with the map, its regions and its patches."""
-
-from mapq.report.findings import read_findings as read_findings
-from mapq.report.page import write_report as write_report
+"""Pages and pictures of one result, which open without a network: the map, its regions and its patches."""

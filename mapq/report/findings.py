@@ -6,17 +6,17 @@ import heapq
 import math
 from array import array
 from collections.abc import Iterable, Sequence
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mapq.cloud import PointCloud
+from mapq.io.maps import Row, StoredResult, read_map
 from mapq.io.result_folder import thinned_by_patch
 from mapq.io.results import LABEL, RESULT_FIELDS
-from mapq.patches import NO_PATCH, PLAUSIBLE, SUSPICIOUS, Patches
-from mapq.results.inputs import Row, StoredResult, read_map
+from mapq.labels import NO_PATCH, PLAUSIBLE, SUSPICIOUS
+from mapq.patches import Patches
 from prf.shell.cli.files import STREAM
 from prf.shell.cli.storage import damaged
 from prf.shell.errors import InputError, UsageError
@@ -84,12 +84,19 @@ def read_findings(path: str) -> Findings:
     if isinstance(stored, PointCloud):
         missing = next(name for name in RESULT_FIELDS if name not in stored.fields)
         raise InputError(f"{path}: this is no result (no field {missing}). Run mapq classify {path} first.")
-    head, rows = stored.content()
+    return findings_of(stored, *stored.content())
+
+
+def findings_of(stored: StoredResult, head: dict[str, Any], rows: Iterable[Row]) -> Findings:
+    """Return the findings of a result, whose JSON is a head and a row a patch.
+
+    Raises InputError if these do not belong to its points.
+    """
     first = {patch for region in (head.get("regions") or ())[:MAX_REGIONS] for patch in region["patches"]}
-    label, numbers, listed = _columns(stored.json, rows, first)
+    label, numbers, listed = _columns(stored, rows, first)
     cloud, n_points = _points(stored, numbers[:, 0])
     return Findings(
-        path,
+        stored.path,
         cloud,
         n_points,
         _patch_of_points(stored, cloud, label, numbers[:, 0]),
@@ -123,7 +130,9 @@ def _patch_of_points(
     return found
 
 
-def _columns(path: Path, rows: Iterable[Row], first: set[int]) -> tuple[NDArray[np.uint8], Floats, dict[int, Row]]:
+def _columns(
+    stored: StoredResult, rows: Iterable[Row], first: set[int]
+) -> tuple[NDArray[np.uint8], Floats, dict[int, Row]]:
     """Return labels (m,), and n_points, p_suspicious, area_m2 and normal (m, 6); and `MAX_LISTED` of the patches.
 
     These are the `first` ones, then suspicious ones, the most certain first, then plausible ones, the largest first.
@@ -137,7 +146,9 @@ def _columns(path: Path, rows: Iterable[Row], first: set[int]) -> tuple[NDArray[
             values = (row["n_points"], row["p_suspicious"], row["area_m2"], x, y, z)
             numbers.extend(math.nan if value is None else float(value) for value in values)
         except (KeyError, TypeError, ValueError, OverflowError):
-            raise damaged(path, f"patch {number} lacks label, n_points, p_suspicious, area_m2 or normal") from None
+            raise damaged(
+                stored.json, f"patch {number} lacks label, n_points, p_suspicious, area_m2 or normal"
+            ) from None
         is_bad = label[-1] == SUSPICIOUS
         size = row.get("difference" if is_bad else "area_m2")
         shown = {name: value for name, value in row.items() if name != "terms"}

@@ -2,16 +2,229 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import PurePath
 from typing import Any, NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
+from mapq.io.maps import Row
+from mapq.labels import SUSPICIOUS
 from mapq.report.findings import MAX_REGIONS, Findings
-from mapq.report.histogram import histogram, histogram_svg
 from mapq.report.scene import VIEWS, Scene, build_scene
-from mapq.report.words import facts, map_table, origin_table, percent, region_table, verdict_line
 from prf.shell.cli.files import encoded, open_output
-from prf.shell.cli.page.markup import escape, packed, packed_json, page
+from prf.shell.cli.page.markup import escape, packed, packed_json, page, table
+
+DASH = "–"
+"""Instead of a missing number."""
+
+
+def number(value: Any, digits: int = 1, unit: str = "") -> str:
+    """Return a number of a file as text, a dash where it is none."""
+    return DASH if value is None or not math.isfinite(value) else f"{value:,.{digits}f}{unit}"
+
+
+def percent(value: Any) -> str:
+    """Return a share as text, a dash where it is none."""
+    return DASH if value is None else number(100.0 * value, 1, " %")
+
+
+def verdict_line(findings: Findings) -> str:
+    """Return the verdict as markup."""
+    if not len(findings.label):
+        return "No plane patch was found, so nothing of this map was judged."
+    counts, verdict = findings.part("counts"), findings.part("verdict")
+    limit, coverage = verdict.get("fail_over"), percent(counts.get("coverage"))
+    share = percent(verdict.get("share_of_area", counts.get("share_of_area")))
+    line = f"<strong>{share}</strong> of the surface judged is suspicious"
+    if coverage != DASH:
+        line += f"; {coverage} of all planes could be judged"
+    if limit is None or verdict.get("passed") is None:
+        return line
+    state = "passes" if verdict["passed"] is True else "fails"
+    asked = f"no more than {percent(limit)} was asked for"
+    least = percent(verdict.get("min_coverage"))
+    if DASH not in (coverage, least):
+        asked += f", and {least} to be judged"
+    return f'{line} <span class="verdict-{state}">{state}: {asked}</span>'
+
+
+def facts(findings: Findings) -> str:
+    """Return facts of the whole map as a list."""
+    rows = "".join(f"<div><dt>{name}</dt><dd>{text}</dd></div>" for name, text in _facts(findings))
+    return f"<dl>{rows}</dl>"
+
+
+def _facts(findings: Findings) -> Iterator[tuple[str, str]]:
+    counts, verdict, cloud = findings.part("counts"), findings.part("verdict"), findings.cloud
+    n_regions = len(findings.regions)
+    where = f", in {n_regions} region{'' if n_regions == 1 else 's'}" if n_regions else ""
+    yield "area", f"{number(counts.get('area_suspicious_m2'))} of {number(counts.get('area_m2'))} m² suspicious"
+    yield "patches", f"{number(counts.get('n_suspicious'), 0)} of {number(len(findings.label), 0)} suspicious{where}"
+    # By the JSON, as all else here: of a result in tiles not all points are at hand.
+    n_points = counts.get("n_points")
+    share = counts["n_points_in_patches"] / n_points if n_points else None
+    yield "judged", f"{percent(counts.get('coverage'))} of the points that lie on planes of any tilt"
+    yield "points", f"{number(n_points, 0)}, {percent(share)} of them in patches; the others are not judged"
+    if len(findings.rows) < len(findings.label):
+        yield (
+            "listed",
+            f"{len(findings.rows):,} of these patches one by one: those of the regions listed, then the most certain "
+            "suspicious ones, then the largest; the JSON of the result has all",
+        )
+    expected = percent(counts.get("expected_share_of_area"))
+    yield "expected", f"{expected} of the surface is wrong, if the probabilities are right"
+    if verdict.get("cause") is not None and cloud.fields.get("cause") is not None:
+        areas = findings.part("verdict", "area_by_cause_m2")
+        yield "causes", escape(", ".join(f"{name} {number(value)} m²" for name, value in areas.items() if value))
+    if verdict.get("scans_apart_m") is not None:
+        median, mean = (number(verdict.get(name), 3) for name in ("scans_apart_m", "disagreement_m"))
+        yield "scans disagree", f"{median} m in the median over the area that several scans saw, {mean} m in the mean"
+    if cloud.shift.any():
+        shift = ", ".join(f"{value:,.0f}" for value in cloud.shift * cloud.unit)
+        yield "global shift", f"{shift} m, left out of coordinates in views and tables; a selected patch shows both"
+    for warning in findings.part("segmentation", "report").get("warnings") or ():
+        yield "warning", escape(warning)
+
+
+def map_table(findings: Findings) -> str:
+    """Return size, points and segmentation of the map as a table."""
+    cut = findings.part("segmentation", "parameters")
+    some = findings.cloud.xyz[findings.patch >= 0]
+    size = (some.max(axis=0) - some.min(axis=0)).tolist() if len(some) else []
+    rows = (
+        ("extent of patches", " × ".join(number(length) for length in size) + " m" if size else DASH),
+        ("points", number(findings.n_points, 0)),
+        ("patches", number(len(findings.label), 0)),
+        ("spacing", number(cut.get("spacing"), 3, " m")),
+        ("noise", number(cut.get("noise"), 3, " m")),
+        ("judged up to", number(cut.get("max_tilt"), 0, "° from upright")),
+    )
+    return _plain(rows)
+
+
+def region_table(findings: Findings) -> str:
+    """Return the table of regions, worst first."""
+    regions = findings.regions
+    if not regions:
+        return "<p>The result lists none.</p>" if findings.label.any() else "<p>No region: no patch is suspicious.</p>"
+    names = ("region", "severity", "area", "patches", "extent", "centre", "surfaces apart", "mean p", "cause")
+    units = ("", "m²", "m²", "", "m", "m", "m", "", "")
+    head = [name + (f" <small>{unit}</small>" if unit else "") for name, unit in zip(names, units, strict=True)]
+    rows = [
+        (f' tabindex="0" data-region="{place}"', _region_cells(findings, row))
+        for place, row in enumerate(regions[:MAX_REGIONS])
+    ]
+    more = len(regions) - MAX_REGIONS
+    rest = f"<p>And {more} less severe ones, which the JSON of the result lists.</p>" if more > 0 else ""
+    return table(head, rows, "list") + rest
+
+
+def _region_cells(findings: Findings, region: Row) -> list[str]:
+    low, high, centre = (findings.local(region.get(name)) for name in ("low", "high", "centre"))
+    return [
+        number(region.get("region"), 0),
+        number(region.get("severity_m2")),
+        number(region.get("area_m2")),
+        number(region.get("n_patches"), 0),
+        " × ".join(number(b - a) for a, b in zip(low, high, strict=True)),
+        ", ".join(number(value) for value in centre),
+        number(region.get("displacement_m"), 2),
+        number(region.get("p_suspicious"), 2),
+        escape(region.get("cause") or DASH),
+    ]
+
+
+def origin_table(findings: Findings) -> str:
+    """Return how the result was made: command, inputs, model, versions."""
+    head = findings.head
+    model = ", ".join(str(head.get(name, DASH)) for name in ("model", "edge_model", "calibration"))
+    rows = [
+        ("result", PurePath(findings.path).name),
+        ("created", head.get("created", DASH)),
+        ("command", " ".join(map(str, head.get("command") or ()))),
+        *(("input", _input(row)) for row in head.get("inputs") or ()),
+        ("model, edges, calibration", model),
+        ("suspicious", f"from a probability of {findings.threshold:.3f}"),
+        ("versions", ", ".join(f"{name} {value}" for name, value in findings.part("versions").items())),
+    ]
+    return _plain((escape(name), escape(text)) for name, text in rows)
+
+
+def _input(row: Row) -> str:
+    digest = row.get("sha256")  # folders and streams have none
+    return f"{row.get('path')}, sha256 {digest}" if digest else str(row.get("path"))
+
+
+def _plain(rows: Iterable[tuple[str, str]]) -> str:
+    return table(("", ""), [("", row) for row in rows], "plain")
+
+
+N_BINS = 20
+WIDTH, HEIGHT, LEFT, RIGHT, BOTTOM, TOP = 460.0, 150.0, 46.0, 450.0, 132.0, 8.0
+"""Pixels: size of the drawing, and where its axes are."""
+
+Floats = NDArray[np.float64]
+
+
+def histogram(probability: Floats, label: NDArray[np.uint8], area: Floats) -> tuple[Floats, str]:
+    """Return the area (2, `N_BINS`) of plausible and suspicious patches by probability, and its name.
+
+    Patches without a probability are left out. Where areas are not known patches are counted.
+    """
+    known = np.isfinite(probability)
+    measured = bool(np.isfinite(area).all())
+    weight = area if measured else np.ones(len(label))
+    place = np.clip((np.nan_to_num(probability) * N_BINS).astype(np.int64), 0, N_BINS - 1)
+    is_bad = label == SUSPICIOUS
+    sums = [np.bincount(place[known & kind], weight[known & kind], N_BINS) for kind in (~is_bad, is_bad)]
+    return np.array(sums), "m²" if measured else "patches"
+
+
+def histogram_svg(sums: Floats, unit: str, threshold: float) -> str:
+    """Return the drawing of a histogram (2, `N_BINS`); `threshold`: probability from which patches are suspicious."""
+    top, high, step = _round_up(float(sums.sum(axis=0).max(initial=0.0))), BOTTOM - TOP, (RIGHT - LEFT) / N_BINS
+    parts = [_line("axis", LEFT, RIGHT, BOTTOM, BOTTOM)]
+    for share in (0.0, 0.5, 1.0):
+        y = BOTTOM - high * share
+        parts.append(_line("grid", LEFT, RIGHT, y, y) + _text(LEFT - 6, y + 4, "end", f"{share * top:,.4g}"))
+    for index, counts in enumerate(sums.T.tolist()):
+        foot = BOTTOM
+        for kind, value in zip(("plausible", "suspicious"), counts, strict=True):
+            tall = high * value / top
+            foot -= tall
+            parts.append(
+                f'<rect class="{kind}" x="{LEFT + step * index + 1:.1f}" y="{foot:.1f}" width="{step - 2:.1f}" '
+                f'height="{tall:.1f}"><title>p {index / N_BINS:.2f} to {(index + 1) / N_BINS:.2f}: {value:,.4g} {unit} '
+                f"{kind}</title></rect>"
+            )
+    for share in (0.0, 0.25, 0.5, 0.75, 1.0):
+        parts.append(_text(LEFT + (RIGHT - LEFT) * share, BOTTOM + 15, "middle", f"{share:g}"))
+    if np.isfinite(threshold):
+        at = LEFT + (RIGHT - LEFT) * threshold
+        parts.append(_line("threshold", at, at, TOP, BOTTOM))
+    good, bad = sums.sum(axis=1).tolist()
+    spoken = f"Histogram of probabilities: {good:,.0f} {unit} plausible, {bad:,.0f} {unit} suspicious"
+    return f'<svg role="img" aria-label="{spoken}" viewBox="0 0 {WIDTH:g} {HEIGHT:g}">{"".join(parts)}</svg>'
+
+
+def _line(kind: str, x1: float, x2: float, y1: float, y2: float) -> str:
+    return f'<line class="{kind}" x1="{x1:.1f}" x2="{x2:.1f}" y1="{y1:.1f}" y2="{y2:.1f}"/>'
+
+
+def _text(x: float, y: float, anchor: str, text: str) -> str:
+    return f'<text x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}">{text}</text>'
+
+
+def _round_up(value: float) -> float:
+    """Return the next number of 1, 2, 5 times a power of ten, 1 for nothing."""
+    if not value > 0.0:
+        return 1.0
+    power = float(10.0 ** np.floor(np.log10(value)))
+    return next(step * power for step in (1.0, 2.0, 5.0, 10.0) if step * power >= value * (1.0 - 1e-12))
+
 
 MAX_POINTS = 120_000
 """Default of the points that the views show: a laptop turns so many smoothly."""

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mapq.patches import NO_PATCH, SUSPICIOUS
+from mapq.labels import NO_PATCH, SUSPICIOUS
 
 VIEWS = (("mapq.report", "scene.js"), ("mapq.report", "view.js"))
 """Scripts of the views of a scene, which the report and the labelling page share."""

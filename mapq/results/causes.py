@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mapq.graph import PatchFeatures
+from mapq.features.table import PatchFeatures
 from mapq.patches import Patches
 from mapq.results.visits import Visits
 

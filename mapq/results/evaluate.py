@@ -10,12 +10,14 @@ from numpy.typing import NDArray
 from scipy.stats import rankdata
 
 from mapq.cloud import PointCloud
+from mapq.crf import classify
+from mapq.features import feature_settings, patch_features
+from mapq.io.maps import StoredResult, read_map
+from mapq.io.models import read_default_model
 from mapq.io.results import RESULT_FIELDS
-from mapq.labels import majority_labels, majority_of, truth_values, votes
+from mapq.labels import NO_PATCH, PLAUSIBLE, SUSPICIOUS, UNLABELLED, majority_labels, majority_of, truth_values, votes
 from mapq.model import Model
-from mapq.patches import NO_PATCH, PLAUSIBLE, SUSPICIOUS, UNLABELLED, Patches
-from mapq.results.inputs import StoredResult, read_map
-from mapq.results.result import assess
+from mapq.patches import Patches
 from prf.shell.errors import InputError, UsageError
 
 TRUTH_FIELD = "truth"
@@ -150,10 +152,11 @@ def _classified(patches: Patches, path: str, model: Model | None, truth_field: s
     truth, truth_from = patches.label, "labels of the patches"
     if truth_field is not None or not np.isin(truth, (PLAUSIBLE, SUSPICIOUS)).any():
         name = _truth_field(path, truth_field, tuple(patches.cloud.fields))
-        values = truth_values(patches.cloud, name, patches.patch, path)
+        values = truth_values(patches.cloud.fields, name, patches.patch, path)
         truth, truth_from = majority_labels(patches.patch, len(patches), values)[0], f"point field {name}"
-    result = assess(patches, model)
-    return Labelled(result.label, truth, result.probability, truth_from)
+    model = model or read_default_model()
+    found = classify(patch_features(patches, feature_settings(model)), model)
+    return Labelled(found.label, truth, found.probability, truth_from)
 
 
 def _stored(result: StoredResult, truth_field: str | None) -> Labelled:
@@ -177,7 +180,7 @@ def _piece(cloud: PointCloud, path: str, name: str) -> tuple[NDArray[Any], ...]:
         raise InputError(f"{path}: its labels are not what mapq classify writes. Run it again.")
     patch = np.full(len(cloud), NO_PATCH, np.int32)
     patch[inside] = of_point
-    return numbers, label, probability, votes(patch, len(numbers), truth_values(cloud, name, patch, path))
+    return numbers, label, probability, votes(patch, len(numbers), truth_values(cloud.fields, name, patch, path))
 
 
 def _truth_field(path: str, name: str | None, fields: tuple[str, ...]) -> str:

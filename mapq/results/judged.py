@@ -7,11 +7,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mapq.io.maps import StoredResult, read_map
 from mapq.io.options import AS_IT_IS, ReadOptions
 from mapq.io.patches import is_patches
+from mapq.labels import NO_PATCH
 from mapq.model import Model
-from mapq.patches import NO_PATCH, Patches
-from mapq.results.inputs import StoredResult, read_map
+from mapq.patches import Patches
 from mapq.results.result import AREA, Result, assess
 from mapq.segmentation import segment
 from prf.shell.cli.files import STREAM

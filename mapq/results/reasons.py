@@ -10,7 +10,7 @@ import numpy as np
 from mapq.crf import Terms
 from mapq.crf.explain import BASE, NEIGHBOUR_LABEL, NO_OTHER
 from mapq.features.context import DISAGREEMENT
-from mapq.graph import PatchFeatures
+from mapq.features.table import PatchFeatures
 
 MEASURES = {
     "fit": ("rms_m", "its points lie %.3g m off their plane (rms)"),

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from mapq.graph import PatchFeatures
+from mapq.features.table import PatchFeatures
 from mapq.patches import Patches
 
 MIN_OVERLAP = 0.05

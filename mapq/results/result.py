@@ -6,7 +6,6 @@ import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -16,26 +15,32 @@ from numpy.typing import ArrayLike, NDArray
 from mapq.cloud import PointCloud
 from mapq.crf import Labelling, Terms, classify, explain
 from mapq.features import patch_features
-from mapq.graph import PatchFeatures
+from mapq.features.settings import feature_settings
+from mapq.features.table import PatchFeatures
+from mapq.io.maps import StoredResult
 from mapq.io.models import read_default_model
 from mapq.io.results import json_beside, result_cloud, write_result
+from mapq.labels import SUSPICIOUS, UNLABELLED
 from mapq.model import Model
-from mapq.patches import SUSPICIOUS, UNLABELLED, Patches
+from mapq.patches import Patches
+from mapq.picture import Picture, picture_of_points
+from mapq.report.findings import findings_of
+from mapq.report.page import write_report
 from mapq.results.causes import CAUSES, Cause, find_causes
 from mapq.results.content import cause_row, head_of, patch_rows, rounded
-from mapq.results.inputs import Origin, feature_settings
+from mapq.results.evaluate import Scores, score_labels
 from mapq.results.reasons import Reason, Reasons
 from mapq.results.regions import Region, find_regions, weighted_median
 from mapq.results.visits import Visits, visits_of
+from prf.shell.cli.jsonout import jsonable
 from prf.shell.cli.manifest import describe_process
+from prf.shell.cli.notebook import card
 from prf.shell.cli.outputs import refuse_existing
 from prf.shell.cli.progress import Reporter
 from prf.shell.errors import ArgumentError
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-    from mapq.results.evaluate import Scores
 
 AREA = "area_m2"
 """Name of the area of a patch, in m², among the shape measures."""
@@ -46,6 +51,14 @@ MIN_COVERAGE = 0.2
 """Share of the points on planes that a map needs in judged patches to pass, unless another is given."""
 N_LISTED = 5
 """Regions that the card in a notebook lists."""
+
+
+class Origin(NamedTuple):
+    """Inputs of a result."""
+
+    name: str = "the map"  # of the map, for messages
+    model: str = "default"  # "default", the model's file, or "given"
+    files: tuple[str, ...] = ()  # whose digests a written result has
 
 
 class Seen(NamedTuple):
@@ -296,8 +309,6 @@ class Result:
 
         `truth` (m,): 1 suspicious, 0 plausible, 255 unknown; or the name of a point field whose majority counts.
         """
-        from mapq.results.evaluate import score_labels
-
         return score_labels(self.label, self.patches.labelled(truth).label, self.probability)
 
     def save(
@@ -335,20 +346,20 @@ class Result:
         OutputError
             If the file exists and may not be replaced (`force`), or cannot be written.
         """
-        from mapq.report import read_findings, write_report
-
         refuse_existing(path, force)
-        with TemporaryDirectory() as folder:
-            copy = os.path.join(folder, "map.ply")
-            self.save(copy)
-            findings = read_findings(copy)._replace(path=self.origin.name)
+        in_memory = StoredResult(self.origin.name, self.cloud())
+        findings = findings_of(in_memory, jsonable(self.head()), (jsonable(row) for row in self.patch_rows()))
         write_report(os.fspath(path), findings, title, max_points)
 
     def plot(self, views: tuple[str, ...] = ("plan",)) -> Figure:
         """Return a picture, plausible blue and suspicious red; views "plan" and "3d"."""
-        from mapq.render import picture_of
+        return self._picture.draw(views)
 
-        return picture_of(self).draw(views)
+    @property
+    def _picture(self) -> Picture:
+        cloud = self.patches.cloud
+        xyz = cloud.metric_of(cloud.xyz)
+        return picture_of_points(self.origin.name, xyz, self.patch, self.suspicious, self.p_suspicious)
 
     def __repr__(self) -> str:
         """Return the result in a line."""
@@ -363,14 +374,11 @@ class Result:
 
     def _repr_html_(self) -> str:
         """Return the card that a notebook shows, with the worst regions."""
-        from mapq.render import picture_of
-        from prf.shell.cli.notebook import card
-
         facts = {"suspicious": self._words, "model": self.origin.model}
         for number, region in enumerate(self.regions[:N_LISTED]):
             where = " ".join(f"{x:.1f}" for x in region.centre.tolist())
             facts[f"region {number}"] = f"{len(region.patches)} patches, {region.area:.1f} m² at {where}"
-        return card("Plausibility of the map", facts, picture_of(self).png())
+        return card("Plausibility of the map", facts, self._picture.png())
 
 
 def assess(

@@ -19,15 +19,15 @@ from mapq.axes import from_corner
 from mapq.cloud import PointCloud
 from mapq.features.compute import measure
 from mapq.features.context import Beyond
-from mapq.features.copies import ABOUT
+from mapq.features.copies import ABOUT, FARTHEST
 from mapq.features.disagreement import OWNED, WINDOW, window_centres
 from mapq.features.provenance import Known
 from mapq.features.settings import FeatureSettings
 from mapq.features.shape import curve_places
-from mapq.features.voxels import FARTHEST
-from mapq.graph import PatchFeatures
+from mapq.features.table import PatchFeatures
 from mapq.kernels.voxels import voxel_keys
-from mapq.patches import NO_PATCH, Patches
+from mapq.labels import NO_PATCH
+from mapq.patches import Patches
 from mapq.results.causes import Cause, Spread, cause_of, copies_of, measure_spread, reach_of
 from mapq.results.visits import Clock, Stays, Visits, to_sensor_of
 from mapq.tiled.cut import Whole

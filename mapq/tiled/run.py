@@ -15,14 +15,15 @@ from mapq.axes import GroundPlan, turn, turn_cloud
 from mapq.cloud import PointCloud
 from mapq.crf import classify, explain
 from mapq.features.provenance import FIELDS, Span, decide, span_of
+from mapq.features.settings import feature_settings
 from mapq.io.models import read_default_model
 from mapq.io.options import AS_IT_IS, ReadOptions
 from mapq.io.results import result_cloud
+from mapq.labels import SUSPICIOUS
 from mapq.model import Model
-from mapq.patches import SUSPICIOUS, Patches, PatchesOnDisk
+from mapq.patches import Patches, PatchesOnDisk
 from mapq.results import visits
-from mapq.results.inputs import Origin, feature_settings
-from mapq.results.result import MIN_COVERAGE, Result, Seen
+from mapq.results.result import MIN_COVERAGE, Origin, Result, Seen
 from mapq.segmentation import FEWEST_POINTS
 from mapq.segmentation.join import warnings_of
 from mapq.segmentation.parameters import Parameters, choose_parameters

@@ -26,12 +26,10 @@ class Place(NamedTuple):
 class Agreement(NamedTuple):
     """Where chains agree."""
 
-    # share of the ground that readings saw, and of the rest, at which no two chains differ by more than `DIFFERS`;
+    # share of the ground that readings saw at which no two chains differ by more than `DIFFERS`;
     # nan where there is no such ground, or nothing to compare
     seen: float
-    # share of the ground that readings saw, and of the rest, at which no two chains differ by more than `DIFFERS`;
-    # nan where there is no such ground, or nothing to compare
-    unseen: float
+    unseen: float  # the same of the ground that no reading saw
     places: list[Place]  # on seen ground, largest area first; at most three
 
     def words(self) -> str:

@@ -43,20 +43,20 @@ def test_lengths_follow_the_unit(cloud: mapq.PointCloud, patches: mapq.Patches) 
     in_feet = mapq.point_cloud(cloud.world() / 0.3048, {"time": np.arange(len(cloud)) * 1e-4}, unit=0.3048)
     found = mapq.segment(in_feet, progress=False)
     np.testing.assert_allclose(
-        found.features().nodes["area_m2"].sum(), patches.features().nodes["area_m2"].sum(), rtol=0.1
+        *(mapq.patch_features(each).nodes["area_m2"].sum() for each in (found, patches)), rtol=0.1
     )
     assert list(in_feet.fields) == ["time"]
 
 
 def test_features_are_named_columns(patches: mapq.Patches) -> None:
-    plain = patches.features()
+    plain = mapq.patch_features(patches)
     nodes, edges = plain.nodes, plain.edges
     np.testing.assert_array_equal(nodes["thickness"], plain.node[:, plain.node_names.index("thickness")])
     np.testing.assert_array_equal(edges["plausibility"], plain.plausibility)
     np.testing.assert_array_equal(np.column_stack([edges["i"], edges["j"]]), plain.pairs)
     assert plain.units["area_m2"] == "m2"
     assert plain.parameters["radius"] == 3.0
-    assert patches.features(mapq.FeatureSettings(radius=1.0)).parameters["radius"] == 1.0
+    assert mapq.patch_features(patches, mapq.FeatureSettings(radius=1.0)).parameters["radius"] == 1.0
 
 
 def test_a_result_speaks_of_points_as_the_written_one_does(result: mapq.Result, tmp_path: Path) -> None:
@@ -76,7 +76,7 @@ def test_a_result_speaks_of_points_as_the_written_one_does(result: mapq.Result, 
 
 
 def test_a_result_is_that_of_the_verb(result: mapq.Result, patches: mapq.Patches, tmp_path: Path) -> None:
-    patches.save(tmp_path / "map.patches")
+    mapq.write_patches(tmp_path / "map.patches", patches)
     assert (
         run_app(app, "mapq", ["classify", str(tmp_path / "map.patches"), "-o", str(tmp_path / "verb.ply"), "-q"]) == 0
     )
@@ -153,11 +153,11 @@ def test_labels_are_taught(patches: mapq.Patches, tmp_path: Path) -> None:
     assert told[-1] == 1.0
     same = mapq.train([patches.labelled(labelled.label)], settings, progress=False)
     np.testing.assert_array_equal(model.weights, same.weights)
-    model.save(tmp_path / "model.json")
+    mapq.write_model(tmp_path / "model.json", model)
     by_file = mapq.classify(patches, tmp_path / "model.json", progress=False)
     np.testing.assert_array_equal(by_file.probability, mapq.classify(patches, model, progress=False).probability)
     with pytest.raises(OutputExists):
-        model.save(tmp_path / "model.json")
+        mapq.write_model(tmp_path / "model.json", model)
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 
 from benchmarks.drawn_labels import draw_labels
-from mapq.patches import UNLABELLED
+from mapq.labels import UNLABELLED
 from tests.mapq.labelled import draw_patches
 
 

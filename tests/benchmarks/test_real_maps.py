@@ -10,7 +10,7 @@ import pytest
 from benchmarks import real_data, real_methods, real_pairs
 from benchmarks.entropies import entropies
 from mapq.cloud import PointCloud
-from mapq.patches import PLAUSIBLE, UNLABELLED
+from mapq.labels import PLAUSIBLE, UNLABELLED
 from tests.mapq.factories import make_patches, wall
 from tests.mapq.labelled import draw_patches
 from tests.mapq.perturb.scenes import pose_at

@@ -9,7 +9,7 @@ import pytest
 
 from benchmarks import unseen, unseen_rivals, unseen_sets
 from benchmarks.unseen_sets import Map
-from mapq.patches import PLAUSIBLE, SUSPICIOUS, UNLABELLED
+from mapq.labels import PLAUSIBLE, SUSPICIOUS, UNLABELLED
 from mapq.results.judged import Judged
 from tests.mapq.factories import make_patches, wall
 

@@ -6,7 +6,8 @@ import re
 
 import pytest
 
-from mapq.report import read_findings, write_report
+from mapq.report.findings import read_findings
+from mapq.report.page import write_report
 from tests.mapq.factories import make_patches
 from tests.mapq.report.results import save_result
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mapq.io import read_cloud, write_ply
-from mapq.render import read_picture
+from mapq.report.drawing import read_picture
 from tests.cli.mapq_samples import call, save_model, save_patches
 
 

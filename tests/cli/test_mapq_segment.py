@@ -10,7 +10,7 @@ import pytest
 from mapq.cli import app
 from mapq.cloud import PointCloud
 from mapq.features import patch_features
-from mapq.features.node import SHAPE_NAMES
+from mapq.features.shape import SHAPE_NAMES
 from mapq.io import read_patches, write_ply
 from mapq.labelling.store import open_store
 from prf.shell.cli.outputs import release_claims

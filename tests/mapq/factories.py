@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from mapq.cloud import PointCloud
 from mapq.features.context import NODE_COLUMNS
-from mapq.graph import PatchFeatures
-from mapq.patches import NO_PATCH, Patches
+from mapq.features.table import PatchFeatures
+from mapq.labels import NO_PATCH
+from mapq.patches import Patches
 
 Floats = NDArray[np.float64]
 

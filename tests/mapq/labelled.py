@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from mapq.patches import FROM_FIELD, Patches
+from mapq.labels import FROM_FIELD
+from mapq.patches import Patches
 from tests.mapq.factories import Rectangle, sample_patches, wall
 
 

@@ -13,7 +13,7 @@ from mapq.axes import GroundPlan, turn, turn_cloud
 from mapq.cloud import PointCloud
 from mapq.features import measure_shapes
 from mapq.io import read_cloud
-from mapq.results import Result, assess
+from mapq.results.result import Result, assess
 from mapq.segmentation import SegmentSettings, segment
 from mapq.simulate import SIZES, Settings, simulate
 from tests.mapq.factories import moved

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mapq.labels import conservative_labels, label_from_field, majority_labels
-from mapq.patches import FROM_FIELD, FROM_HAND, FROM_NOBODY, UNLABELLED
+from mapq.labels import FROM_FIELD, FROM_HAND, FROM_NOBODY, UNLABELLED, conservative_labels, majority_labels
+from mapq.patches import label_from_field
 from prf.shell.errors import InputError
 from tests.mapq.factories import make_patches
 

@@ -7,10 +7,11 @@ import pytest
 
 from mapq.crf import TrainSettings
 from mapq.features import FeatureSettings
+from mapq.features.settings import feature_settings
 from mapq.io import write_patches
 from mapq.io.models import read_model, write_model
-from mapq.patches import UNLABELLED
-from mapq.results import assess, feature_settings
+from mapq.labels import UNLABELLED
+from mapq.results.result import assess
 from mapq.training import train_maps
 from prf.shell.errors import InputError
 from tests.mapq.labelled import draw_patches

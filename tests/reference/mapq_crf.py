@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from mapq.crf.energy import Field, make_field, model_inputs
 from mapq.crf.train import TrainingMap
 from mapq.crf.trees import columns_of
-from mapq.graph import PatchFeatures
+from mapq.features.table import PatchFeatures
+from mapq.labels import SUSPICIOUS
 from mapq.model import EVIDENCE, NONE, SYMMETRIC, Calibration, Model, Potential, Scaling, parameter_names
-from mapq.patches import SUSPICIOUS
 from tests.reference.mapq_trees import slow_log_odds
 
 NODE_NAMES = ("fit", "tilt", "thickness")

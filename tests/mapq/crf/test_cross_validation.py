@@ -10,11 +10,11 @@ from mapq.crf.cross_validation import assign_folds, split_regions, train, with_t
 from mapq.crf.train import TrainingMap
 from mapq.crf.trees import columns_of, without_scans
 from mapq.features.context import NODE_COLUMNS
-from mapq.features.edge import EDGE_NAMES
-from mapq.features.node import NODE_NAMES
-from mapq.graph import PatchFeatures
+from mapq.features.pairs import EDGE_NAMES
+from mapq.features.shape import NODE_NAMES
+from mapq.features.table import PatchFeatures
+from mapq.labels import UNLABELLED
 from mapq.model import EVIDENCE
-from mapq.patches import UNLABELLED
 from mapq.results.evaluate import area_under_curve
 from tests.reference.mapq_crf import draw_pairs
 

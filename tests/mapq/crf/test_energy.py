@@ -10,7 +10,7 @@ from mapq.crf.energy import label_design, make_field, model_inputs, unary_design
 from mapq.crf.explain import BASE, NEIGHBOUR_LABEL
 from mapq.crf.settings import LINEAR, POTENTIALS
 from mapq.crf.trees import columns_of
-from mapq.features.edge import EDGE_NAMES
+from mapq.features.pairs import EDGE_NAMES
 from mapq.model import EDGE_MODELS, SYMMETRIC
 from prf.shell.errors import InputError
 from tests.reference.mapq_crf import draw_features, draw_model, local_log_odds, slow_score

@@ -5,7 +5,7 @@ import pytest
 
 from mapq.crf.energy import Field
 from mapq.crf.graph_cut import solve
-from mapq.patches import SUSPICIOUS
+from mapq.labels import SUSPICIOUS
 from prf.shell.errors import InputError
 from tests.reference.mapq_crf import best_labellings, draw_pairs, enumerate_field, slow_differences, tree_differences
 

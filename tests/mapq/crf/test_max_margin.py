@@ -11,8 +11,8 @@ from mapq.crf.cross_validation import MARGIN_STRENGTHS, train
 from mapq.crf.max_margin import BIAS_PRECISION, GAP, MarginFit, Part, fit_margin, make_part, solve_quadratic
 from mapq.crf.settings import LINEAR, MAX_MARGIN
 from mapq.crf.train import Strength, TrainingMap, margin_weights, precisions, prepare, signs
+from mapq.labels import UNLABELLED
 from mapq.model import EDGE_MODELS, NONE, SYMMETRIC, Model, parameter_names
-from mapq.patches import UNLABELLED
 from mapq.results.evaluate import area_under_curve
 from tests.mapq.crf.worlds import draw_map
 from tests.reference.mapq_crf import draw_features, slow_score

@@ -13,8 +13,8 @@ from mapq.crf.cross_validation import COUPLING_SHARES, STRENGTHS, train
 from mapq.crf.pseudo_likelihood import Problem, fit, gradient, hessian, objective
 from mapq.crf.settings import LINEAR
 from mapq.crf.train import Strength, TrainingMap, fit_range, fit_scaling, fit_weights, make_problem, prepare, signs
+from mapq.labels import UNLABELLED
 from mapq.model import CLIP, EDGE_MODELS, NONE, SYMMETRIC, Model
-from mapq.patches import UNLABELLED
 from prf.shell.errors import ConfigError, InputError
 from tests.mapq.crf.worlds import draw_map
 from tests.reference.mapq_crf import draw_features, slow_log_pseudo_likelihood

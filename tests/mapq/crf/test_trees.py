@@ -7,9 +7,9 @@ import pytest
 
 from mapq.crf.trees import LEFT_OUT, OF_SCANS, SHARES, columns_of, with_evidence, without_scans
 from mapq.features.context import EDGE_COLUMNS, NODE_COLUMNS
-from mapq.features.edge import EDGE_NAMES
-from mapq.features.node import NODE_NAMES
-from mapq.graph import PatchFeatures
+from mapq.features.pairs import EDGE_NAMES
+from mapq.features.shape import NODE_NAMES
+from mapq.features.table import PatchFeatures
 from mapq.model import EVIDENCE, NOBODY, Columns
 from prf.shell.errors import InputError
 from tests.reference.mapq_crf import draw_pairs

@@ -6,8 +6,8 @@ import numpy as np
 
 from mapq.crf.cross_validation import split_regions
 from mapq.crf.train import TrainingMap
-from mapq.graph import PatchFeatures
-from mapq.patches import UNLABELLED
+from mapq.features.table import PatchFeatures
+from mapq.labels import UNLABELLED
 
 
 def draw_map(seed: int, n_patches: int = 300, node_signal: float = 1.0, share_unlabelled: float = 0.0) -> TrainingMap:

@@ -10,10 +10,10 @@ import pytest
 from mapq.cloud import PointCloud
 from mapq.features import FeatureSettings, patch_features
 from mapq.features.context import EDGE_COLUMNS, NODE_COLUMNS
-from mapq.features.edge import EDGE_NAMES
-from mapq.features.node import NODE_NAMES
+from mapq.features.pairs import EDGE_NAMES
 from mapq.features.provenance import known_of, moments_of
 from mapq.features.settings import CONTEXTS
+from mapq.features.shape import NODE_NAMES
 from mapq.patches import Patches
 from tests.mapq.factories import always_known, make_patches, sample_patches, wall
 

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from mapq.features import FeatureSettings, measure_shapes
-from mapq.features.copies import COLUMNS, FARTHEST, copy_columns
-from mapq.features.voxels import nearby_points
+from mapq.features.copies import COLUMNS, FARTHEST, copy_columns, nearby_points
 from mapq.kernels.copies import layers_over
-from mapq.patches import NO_PATCH, Patches
+from mapq.labels import NO_PATCH
+from mapq.patches import Patches
 from tests.mapq.factories import make_patches, moved, sample_patches, shuffled, turn, wall
 
 DENSITY, NOISE = 60.0, 0.01

@@ -7,7 +7,7 @@ import pytest
 
 from mapq.cloud import PointCloud
 from mapq.features import FeatureSettings, patch_features
-from mapq.features.node import SHAPE_NAMES
+from mapq.features.shape import SHAPE_NAMES
 from mapq.patches import Patches
 from prf.shell.errors import ConfigError, InputError
 from tests.mapq.factories import Rectangle, always_known, make_patches, moved, sample_patches, shuffled, turn, wall

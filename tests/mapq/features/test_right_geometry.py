@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from mapq.features import patch_features
-from mapq.graph import PatchFeatures
+from mapq.features.table import PatchFeatures
 from mapq.patches import Patches
 from tests.mapq.factories import Rectangle, make_patches, wall
 

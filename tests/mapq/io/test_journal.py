@@ -7,7 +7,7 @@ import pytest
 
 from mapq.io import read_patches, write_patches
 from mapq.io.journal import Event, Journal, fingerprint, journal_beside, replay
-from mapq.patches import FROM_HAND, PLAUSIBLE, SUSPICIOUS, UNLABELLED
+from mapq.labels import FROM_HAND, PLAUSIBLE, SUSPICIOUS, UNLABELLED
 from prf.shell.errors import InputError, OutputError
 from tests.mapq.labelled import draw_patches
 

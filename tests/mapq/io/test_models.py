@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from mapq.features import FeatureSettings
+from mapq.features.settings import feature_settings
 from mapq.io.models import SCHEMA, read_default_model, read_model, write_model
 from mapq.model import EDGE_MODELS, Calibration
-from mapq.results import feature_settings
 from prf.shell.errors import InputError
 from tests.reference.mapq_crf import draw_model
 from tests.reference.mapq_trees import draw_potential

@@ -12,7 +12,7 @@ from typing import Any
 from mapq.labelling.page import Page
 from mapq.labelling.server import LabelServer
 from mapq.labelling.store import Store, open_store
-from mapq.results import assess
+from mapq.results.result import assess
 from tests.mapq.results.test_result import make_model
 
 

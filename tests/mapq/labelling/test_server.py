@@ -10,7 +10,7 @@ from mapq.io.journal import journal_beside
 from mapq.labelling.page import Page
 from mapq.labelling.server import LabelServer
 from mapq.labelling.store import open_store
-from mapq.patches import PLAUSIBLE, UNLABELLED
+from mapq.labels import PLAUSIBLE, UNLABELLED
 from prf.shell.errors import UsageError
 from tests.mapq.labelled import draw_patches
 from tests.mapq.labelling.pages import ask, serving

@@ -9,7 +9,7 @@ from mapq.io import read_patches, write_patches
 from mapq.io.journal import journal_beside
 from mapq.labelling import open_store
 from mapq.labelling.store import relabel
-from mapq.patches import FROM_FIELD, FROM_HAND, PLAUSIBLE, SUSPICIOUS, UNLABELLED
+from mapq.labels import FROM_FIELD, FROM_HAND, PLAUSIBLE, SUSPICIOUS, UNLABELLED
 from prf.shell.errors import InputError, OutputError
 from tests.mapq.labelled import draw_patches
 

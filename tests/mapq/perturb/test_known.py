@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mapq.patches import PLAUSIBLE, SUSPICIOUS, UNLABELLED
+from mapq.labels import PLAUSIBLE, SUSPICIOUS, UNLABELLED
 from mapq.perturb import Rule, build
 from mapq.perturb.known import find_surfaces, known_disagreement
 from mapq.posed import MergeSettings

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mapq.patches import PLAUSIBLE, SUSPICIOUS, UNLABELLED
+from mapq.labels import PLAUSIBLE, SUSPICIOUS, UNLABELLED
 from mapq.perturb import build
 from mapq.perturb.measure import measured_disagreement
 from mapq.posed import MergeSettings

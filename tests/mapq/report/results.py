@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 
 from mapq.patches import Patches
-from mapq.results import assess
+from mapq.results.result import assess
 from tests.mapq.labelled import draw_patches
 from tests.mapq.results.test_result import make_model
 

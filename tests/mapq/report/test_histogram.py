@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mapq.report.histogram import N_BINS, histogram, histogram_svg
+from mapq.report.page import N_BINS, histogram, histogram_svg
 
 
 def test_areas_by_probability_and_label():

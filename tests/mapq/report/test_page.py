@@ -11,9 +11,9 @@ import pytest
 
 from mapq.cloud import PointCloud
 from mapq.io import write_ply
-from mapq.render.source import read_picture
-from mapq.report import read_findings, write_report
-from mapq.report.page import page_data
+from mapq.report.drawing import read_picture
+from mapq.report.findings import read_findings
+from mapq.report.page import page_data, write_report
 from mapq.results.judged import read_judged
 from prf.shell.cli.page.markup import script_sources, script_tags
 from prf.shell.errors import InputError, UsageError

@@ -8,9 +8,9 @@ import pytest
 
 from mapq.features import FeatureSettings, patch_features
 from mapq.io.results import result_cloud
-from mapq.patches import NO_PATCH
-from mapq.results import assess
+from mapq.labels import NO_PATCH
 from mapq.results.causes import LOCAL, MISSED_LOOP, UNKNOWN, Spread, cause_of, find_causes, nested_spread
+from mapq.results.result import assess
 from mapq.results.visits import Visits, visits_of
 from tests.mapq.factories import make_patches, shuffled, wall
 from tests.mapq.results.test_result import make_model

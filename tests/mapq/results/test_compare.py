@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from mapq.io.results import write_result
-from mapq.results import assess
 from mapq.results.compare import compare as compare_maps
 from mapq.results.compare import comparison_content
 from mapq.results.judged import judge, read_judged
+from mapq.results.result import assess
 from prf.shell.cli.jsonout import dump_object
 from prf.shell.errors import InputError, UsageError
 from tests.mapq.factories import Rectangle, sample_patches, wall

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from mapq.patches import UNLABELLED
+from mapq.labels import UNLABELLED
 from mapq.results.evaluate import area_under_curve, calibration_error, reliability, score_labels
 
 

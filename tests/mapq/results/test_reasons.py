@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mapq.results import assess
 from mapq.results.reasons import pair_words
+from mapq.results.result import assess
 from tests.mapq.factories import sample_patches, wall
 from tests.mapq.results.test_result import make_model
 from tests.reference.mapq_crf import local_log_odds

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mapq.results import assess
 from mapq.results.regions import find_regions
+from mapq.results.result import assess
 from tests.mapq.factories import make_patches, sample_patches, wall
 from tests.mapq.results.test_result import make_model
 from tests.mapq.town import town

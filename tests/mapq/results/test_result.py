@@ -12,7 +12,7 @@ from mapq.features import FeatureSettings
 from mapq.io.results import result_cloud
 from mapq.kernels.boosted_trees import LEAF, Trees
 from mapq.model import EDGE_MODELS, EVIDENCE, Calibration, Model, Potential, Scaling, parameter_names
-from mapq.results import assess
+from mapq.results.result import assess
 from tests.mapq.factories import make_patches, shuffled
 from tests.mapq.labelled import draw_patches
 from tests.reference.mapq_crf import local_log_odds

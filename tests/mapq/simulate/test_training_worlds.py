@@ -8,7 +8,7 @@ import pytest
 from data.training_scenes import SITES
 from data.training_worlds import ScannedWorld, labelled, make_world, training_clouds
 from mapq.cloud import PointCloud
-from mapq.patches import SUSPICIOUS
+from mapq.labels import SUSPICIOUS
 from mapq.perturb import build
 
 SHIFT = 0.5

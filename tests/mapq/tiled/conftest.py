@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from mapq.crf.settings import LINEAR, TrainSettings
-from mapq.labels import label_from_field
 from mapq.model import Model
+from mapq.patches import label_from_field
 from mapq.segmentation import segment
 from mapq.simulate import SIZES, Settings, simulate
 from mapq.training import train_maps

@@ -13,8 +13,9 @@ from mapq.cloud import PointCloud
 from mapq.io import ReadOptions, read_cloud, write_cloud
 from mapq.io.describe import describe
 from mapq.io.result_folder import open_result_folder, steps_of, thinned_by_patch
-from mapq.render.source import read_picture
-from mapq.report import read_findings, write_report
+from mapq.report.drawing import read_picture
+from mapq.report.findings import read_findings
+from mapq.report.page import write_report
 from mapq.results.compare import compare
 from mapq.results.evaluate import read_labelled, score_labels
 from mapq.results.judged import read_judged
@@ -91,7 +92,7 @@ def test_small_patches_stay_whole_and_large_ones_are_thinned(results):
 def test_a_picture_has_the_words_of_the_whole(results, monkeypatch):
     whole = read_picture(results[1])
     assert read_picture(results[0]).subtitle.partition("·")[2] == whole.subtitle.partition("·")[2]
-    monkeypatch.setattr("mapq.render.source.MOST_DRAWN", 5_000)
+    monkeypatch.setattr("mapq.report.drawing.MOST_DRAWN", 5_000)
     some = read_picture(results[0])
     n_points = len(whole.xyz)
     assert len(some.xyz) <= 5_000

@@ -12,7 +12,7 @@ from mapq.cloud import PointCloud
 from mapq.io import read_cloud, write_cloud
 from mapq.io.options import AS_IT_IS
 from mapq.model import Model
-from mapq.results import assess
+from mapq.results.result import assess
 from mapq.segmentation import SegmentSettings, segment
 from mapq.simulate.city import ORIGIN, PITCH, SIDES, make_block, plan_city, write_city
 from mapq.tiled.run import Job, TileSettings, classify_map

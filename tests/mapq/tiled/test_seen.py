@@ -14,7 +14,7 @@ from mapq.features.provenance import Known, Span, decide, known_of
 from mapq.io import read_cloud, write_cloud
 from mapq.io.options import AS_IT_IS
 from mapq.model import Model
-from mapq.results import Result, assess
+from mapq.results.result import Result, assess
 from mapq.segmentation import segment
 from mapq.simulate import SIZES, Settings, simulate
 from mapq.tiled.run import Job, TileSettings, classify_map

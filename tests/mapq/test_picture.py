@@ -8,16 +8,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mapq.patches import NO_PATCH, PLAUSIBLE, SUSPICIOUS, UNLABELLED
-from mapq.render.colours import (
+from mapq.labels import NO_PATCH, PLAUSIBLE, SUSPICIOUS, UNLABELLED
+from mapq.picture import (
     BACKGROUND_RGB,
     PLAUSIBLE_RGB,
     SUSPICIOUS_RGB,
+    Picture,
+    axonometric,
     label_colours,
     patch_colours,
     probability_colours,
 )
-from mapq.render.picture import Picture, axonometric
 from prf.shell.cli import pictures
 from prf.shell.errors import InputError
 

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mapq.features import FeatureSettings, measure_shapes, patch_features
-from mapq.features.neighbours import find_neighbours
+from mapq.features.pairs import find_neighbours
 from mapq.patches import Patches
 from tests.mapq.factories import make_patches, sample_patches, wall
 from tests.reference.mapq_features import neighbours
@@ -82,7 +82,7 @@ def test_pairs_looked_at_bit_by_bit_are_the_same(monkeypatch):
     points = draw_clusters(11, 30, False)
     settings = FeatureSettings(n_neighbours=3, n_watched=5)
     whole = graph_of(points, settings)
-    monkeypatch.setattr("mapq.features.neighbours.MOST_PAIRS", 5)
+    monkeypatch.setattr("mapq.features.pairs.MOST_PAIRS", 5)
     for one, other in zip(whole, graph_of(points, settings), strict=True):
         np.testing.assert_array_equal(one, other)
 

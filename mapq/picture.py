@@ -1,20 +1,42 @@
-"""`Picture`: plan view and 3D view of a map, one above the other, as in figures 3 and 4 of the paper."""
+"""`Picture`: plan view and 3D view of points, one above the other, as in figures 3 and 4 of the paper.
+
+Colours show labels, probabilities or patches. Blue and red stay apart for colour-blind readers.
+"""
 
 from __future__ import annotations
 
 import io
-from typing import TYPE_CHECKING, NamedTuple
+from pathlib import PurePath
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mapq.render.colours import Scheme
+from mapq.labels import NO_PATCH, PLAUSIBLE, SUSPICIOUS, UNLABELLED
 from prf.shell.cli import pictures
 from prf.shell.errors import InputError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+Colour = Literal["label", "probability", "patch", "field"]
+"""What the colour of a point shows."""
+TITLES = {
+    "label": "Plausible and suspicious patches",
+    "probability": "Probability that a patch is suspicious",
+    "patch": "Plane patches",
+}
+PLAUSIBLE_RGB = (0.10, 0.36, 0.72)
+SUSPICIOUS_RGB = (0.84, 0.10, 0.11)
+UNLABELLED_RGB = (0.55, 0.58, 0.60)
+BACKGROUND_RGB = (0.83, 0.84, 0.85)
+"""Points without a patch: there for orientation, not to be looked at."""
+DOUBTFUL_RGB = (0.93, 0.90, 0.80)
+"""Half way between plausible and suspicious."""
+
+GOLDEN_RATIO = 0.6180339887498949
+"""Its multiples spread hues so that patches of close numbers differ."""
 
 MAX_POINTS = 400_000
 """Points that a picture shows; of more, evenly spaced ones: the rest would fall on the same pixels."""
@@ -24,6 +46,14 @@ AZIMUTH, ELEVATION = -60.0, 35.0
 """Degrees: direction of the viewer in the 3D view."""
 
 Floats = NDArray[np.float64]
+
+
+class Scheme(NamedTuple):
+    """Colours of points and what they mean."""
+
+    rgb: NDArray[np.float32]  # (n, 3)
+    layer: NDArray[np.uint8]  # (n,) points of a higher layer are drawn over those of a lower one in plan view
+    legend: tuple[tuple[str, tuple[float, float, float]], ...]
 
 
 class Bounds(NamedTuple):
@@ -92,6 +122,101 @@ class Picture(NamedTuple):
         buffer = io.BytesIO()
         pictures.save(self.draw(("plan",)), buffer)
         return buffer.getvalue()
+
+
+def picture_of_points(
+    name: str,
+    xyz: Floats,
+    patch: NDArray[np.int32],
+    label: NDArray[np.uint8],
+    probability: NDArray[np.floating] | None = None,
+    *,
+    colour: Colour | None = None,
+    field: str = "",
+    counts: tuple[int, int, int] | None = None,
+) -> Picture:
+    """Return the picture of a map called `name`.
+
+    Parameters
+    ----------
+    name : str
+    xyz : (n, 3) float64
+        World coordinates in metres.
+    patch : (n,) int32
+    label : (n,) uint8
+        Label of each point's patch; for colour ``field``: of the point, by that field.
+    probability : (n,), optional
+        That the patch is suspicious; for colour ``probability``.
+    colour : str, optional
+        None: labels where there are any, else patches.
+    field : str
+        Name of the field that colour ``field`` shows.
+    counts : (int, int, int), optional
+        Points, patches and suspicious patches of the map, if the points are a part of it.
+    """
+    chosen: Colour = colour or ("label" if np.any(label != UNLABELLED) else "patch")
+    if chosen == "patch":
+        scheme = patch_colours(patch)
+    elif chosen == "label":
+        scheme = label_colours(label, patch)
+    elif chosen == "field":
+        scheme = label_colours(label, np.zeros(len(label), np.int32))
+    elif probability is None:
+        raise InputError(f"{name}: no field p_suspicious. Draw a result of mapq classify, or choose another colour.")
+    else:
+        scheme = probability_colours(probability, patch)
+    inside = patch != NO_PATCH
+    n_points, n_patches, n_suspicious = counts or (
+        len(xyz),
+        len(np.unique(patch[inside])),
+        len(np.unique(patch[inside & (label == SUSPICIOUS)])),
+    )
+    drawn = "" if len(xyz) == n_points else f"{len(xyz):,} of "
+    words = f"{PurePath(name).name}  ·  {drawn}{n_points:,} points  ·  {n_patches:,} patches"
+    words += f"  ·  {n_suspicious:,} suspicious" if chosen == "label" else ""
+    return Picture(xyz, scheme, TITLES.get(chosen, f"Field {field}"), words)
+
+
+def label_colours(label: NDArray[np.uint8], patch: NDArray[np.int32]) -> Scheme:
+    """Return the colours of points by the label (n,) of their patch (n,): blue, red, grey."""
+    rgb = np.empty((len(label), 3), np.float32)
+    rgb[:] = UNLABELLED_RGB
+    rgb[label == PLAUSIBLE] = PLAUSIBLE_RGB
+    rgb[label == SUSPICIOUS] = SUSPICIOUS_RGB
+    rgb[patch == NO_PATCH] = BACKGROUND_RGB
+    layer = np.where(patch == NO_PATCH, 0, np.where(label == SUSPICIOUS, 2, 1)).astype(np.uint8)
+    legend = [("plausible", PLAUSIBLE_RGB), ("suspicious", SUSPICIOUS_RGB), ("no patch", BACKGROUND_RGB)]
+    if np.any((patch != NO_PATCH) & (label != PLAUSIBLE) & (label != SUSPICIOUS)):
+        legend.insert(2, ("unlabelled", UNLABELLED_RGB))
+    return Scheme(rgb, layer, tuple(legend))
+
+
+def probability_colours(probability: NDArray[np.floating], patch: NDArray[np.int32]) -> Scheme:
+    """Return the colours of points by the probability (n,) that their patch is suspicious: blue over pale to red."""
+    share = np.clip(np.nan_to_num(probability.astype(np.float32), nan=0.0), 0.0, 1.0)[:, None]
+    ends = np.where(share < 0.5, np.array(PLAUSIBLE_RGB, np.float32), np.array(SUSPICIOUS_RGB, np.float32))
+    sureness = np.abs(2.0 * share - 1.0)
+    rgb = (sureness * ends + (1.0 - sureness) * np.array(DOUBTFUL_RGB, np.float32)).astype(np.float32)
+    rgb[patch == NO_PATCH] = BACKGROUND_RGB
+    layer = np.where(patch == NO_PATCH, 0, 1 + (share[:, 0] > 0.5)).astype(np.uint8)
+    legend = (
+        ("surely plausible", PLAUSIBLE_RGB),
+        ("doubtful", DOUBTFUL_RGB),
+        ("surely suspicious", SUSPICIOUS_RGB),
+        ("no patch", BACKGROUND_RGB),
+    )
+    return Scheme(rgb, layer, legend)
+
+
+def patch_colours(patch: NDArray[np.int32]) -> Scheme:
+    """Return one colour a patch, spread over the hues, so that neighbours differ."""
+    hue = np.mod(patch.astype(np.float64) * GOLDEN_RATIO, 1.0)
+    value = 0.55 + 0.35 * np.mod(patch.astype(np.float64) * GOLDEN_RATIO**2, 1.0)
+    turns = hue[:, None] + np.array([0.0, 2.0 / 3.0, 1.0 / 3.0])
+    wave = np.clip(np.abs(6.0 * np.mod(turns, 1.0) - 3.0) - 1.0, 0.0, 1.0)
+    rgb = (value[:, None] * (0.15 + 0.85 * wave)).astype(np.float32)
+    rgb[patch == NO_PATCH] = BACKGROUND_RGB
+    return Scheme(rgb, (patch != NO_PATCH).astype(np.uint8), (("no patch", BACKGROUND_RGB),))
 
 
 def axonometric(xyz: Floats, azimuth: float = AZIMUTH, elevation: float = ELEVATION) -> tuple[Floats, Floats]:

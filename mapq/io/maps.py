@@ -1,61 +1,26 @@
-"""What is assessed, and with which features: files, and the feature settings of a model.
-
-A result that was written is one cloud with a JSON beside it, or a folder of tiles with the JSON among them.
-"""
+"""What a path holds: PATCHES, a result (one cloud with a JSON beside it, or a folder of tiles), or a bare cloud."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping
-from dataclasses import fields
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import TypeAdapter, ValidationError
 
 from mapq.cloud import PointCloud
-from mapq.features import FeatureSettings
 from mapq.io.clouds import parse_cloud
 from mapq.io.content import Content
 from mapq.io.options import AS_IT_IS, ReadOptions
 from mapq.io.patches import holds_patches, parse_patches
 from mapq.io.result_folder import ResultFolder, is_result_folder, open_result_folder
 from mapq.io.results import RESULT_FIELDS, json_beside, read_result_json
-from mapq.model import Model
-from mapq.patches import NO_PATCH, Patches
-from prf.shell.errors import ConfigError, InputError
+from mapq.labels import NO_PATCH
+from mapq.patches import Patches
+from prf.shell.errors import InputError
 
 Row = Mapping[str, Any]
-
-
-class Origin(NamedTuple):
-    """Inputs of a result."""
-
-    name: str = "the map"  # of the map, for messages
-    model: str = "default"  # "default", the model's file, or "given"
-    files: tuple[str, ...] = ()  # whose digests a written result has
-
-
-def feature_settings(model: Model) -> FeatureSettings:
-    """Return the settings with which the model's features were measured.
-
-    Raises InputError if one is missing, unknown, or outside its domain.
-    """
-    known = {field.name for field in fields(FeatureSettings)}
-    for name in sorted(known ^ set(model.features)):
-        state = "is missing" if name in known else "is not known to this release"
-        raise InputError(f"the model's feature setting {name} {state}. Train the model anew.")
-    try:
-        # As JSON: arrays may become tuples there, and no word becomes a number.
-        return TypeAdapter(FeatureSettings).validate_json(json.dumps(dict(model.features)), strict=True)
-    except (ValidationError, ConfigError) as error:
-        what = error.errors()[0] if isinstance(error, ValidationError) else {"loc": (), "msg": str(error)}
-        where = "".join(f" {place}" for place in what["loc"][:1])
-        raise InputError(
-            f"the model's feature setting{where} cannot be used ({what['msg']}). Train the model anew."
-        ) from None
 
 
 def read_input(path: str, options: ReadOptions = AS_IT_IS) -> Patches | PointCloud:
