@@ -41,7 +41,7 @@ test-oldest: ## all tests but the slow ones, with the oldest versions allowed of
 	.venv-oldest/bin/python -m pytest -n 2 -m "not uncompiled and not slow"
 
 verify: setup ## show that the sampler is right: calibration, joint law, a second sampler; half an hour, plots in verify/
-	$(BIN)/python -m tests.verify --output verify
+	$(BIN)/python -m tests.statistical --output verify
 
 check: setup ## lint, format, types, import contracts, sizes, spelling
 	$(BIN)/ruff check .

@@ -8,13 +8,13 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 
-from prf.model.arak import exact_draws
-from prf.model.coloring import Coloring, black_at
+from prf.model.coloring import Coloring
 from prf.model.coloring.polygons import from_polygons
 from prf.model.sonar import SonarModel
 from prf.model.window import Window
 from prf.sampler.posterior import SonarData
 from tests.reference.slow_sonar import Cone, Floats, Ring, draw_reading, features, reach_in
+from tests.reference.worlds import draw_white
 
 
 class SonarWorld(NamedTuple):
@@ -69,10 +69,7 @@ def draw_sonar_world(
 ) -> SonarWorld:
     """Sensors uniform in the window, then maps until all stand in white, then cones all round and their readings."""
     place = rng.uniform(window[:2], window[2:], (n_sensors, 2))
-    while True:
-        coloring = exact_draws(scale, window, 1, rng)[0]
-        if not black_at(coloring, place).any():
-            break
+    coloring = draw_white(scale, window, place, rng)
     return SonarWorld(coloring, draw_data(coloring, ring, ring_all_round(place, n_cones, view, rng), rng))
 
 

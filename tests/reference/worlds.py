@@ -26,15 +26,20 @@ def model_of(sensor: Sensor) -> LaserModel:
     return LaserModel(sensor.max, sensor.noise, sensor.relative, sensor.outlier, sensor.miss)
 
 
+def draw_white(scale: float, window: Window, place: np.ndarray, rng: np.random.Generator) -> Coloring:
+    """A draw of the prior in which all these places (n, 2) are white."""
+    while True:
+        coloring = exact_draws(scale, window, 1, rng)[0]
+        if not black_at(coloring, place).any():
+            return coloring
+
+
 def draw_world(
     scale: float, window: Window, sensor: Sensor, n_sensors: int, n_beams: int, rng: np.random.Generator
 ) -> World:
     """Sensors uniform in the window, then maps until all stand in white, then beams all round and their readings."""
     place = rng.uniform(window[:2], window[2:], (n_sensors, 2))
-    while True:
-        coloring = exact_draws(scale, window, 1, rng)[0]
-        if not black_at(coloring, place).any():
-            break
+    coloring = draw_white(scale, window, place, rng)
     angle = np.concatenate(
         [rng.uniform(-np.pi, np.pi) + 2.0 * np.pi / n_beams * np.arange(n_beams) for _ in range(n_sensors)]
     )

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
-from numpy.typing import NDArray
 
 from prf.kernels import constants as c
 from prf.kernels.state.build import recompute_sums
@@ -15,8 +12,7 @@ from prf.model.layout import make_guards, read_coloring, run_chain
 from prf.model.window import Window
 from prf.sampler.posterior import Settings, make_chain
 from tests.reference.free_way import obstacles
-
-Floats = NDArray[np.float64]
+from tests.statistical.means import Floats, Mean, weighted_mean
 
 ROOM = Window(0.0, 0.0, 6.0, 6.0)
 WAY = np.array([[2.0, 2.0, 3.2, 2.6], [3.2, 2.6, 3.4, 3.1], [4.5, 4.2, 4.5, 4.2]])
@@ -26,13 +22,6 @@ SETTINGS = Settings(ROOM, 0.25, way=WAY, driven_radius=RADIUS)
 PLACES = np.array([[1.5, 2.2], [2.5, 3.2], [4.0, 3.5], [5.5, 5.5], [0.4, 5.0], [4.9, 1.0]])
 NAMES = ("edges", "length", "black area", "edges near", *(f"black at ({x:g}, {y:g})" for x, y in PLACES))
 BURN_IN = 100_000
-
-
-class Mean(NamedTuple):
-    """Means (k,) of what is compared, and their standard errors."""
-
-    mean: Floats
-    error: Floats
 
 
 def values(draws: Draws) -> Floats:
@@ -49,15 +38,7 @@ def exact_means(cost: float, n: int, seed: int) -> Mean:
     """Of draws of the prior weighted by exp(-cost * obstacles): those of a free way alone if the cost is infinite."""
     draws = exact_draws(SETTINGS.scale, ROOM, n, np.random.default_rng(seed))
     met = obstacles(SETTINGS, draws)
-    weight = (met == 0).astype(float) if cost == np.inf else np.exp(-cost * met)
-    found = values(draws)
-    return weighted_mean(weight, found)
-
-
-def weighted_mean(weight: Floats, found: Floats) -> Mean:
-    """Means of values (n, k) weighted by (n,)."""
-    mean = weight @ found / weight.sum()
-    return Mean(mean, np.sqrt(weight**2 @ (found - mean) ** 2) / weight.sum())
+    return weighted_mean(values(draws), np.where(met > 0, -cost * np.maximum(met, 1), 0.0))
 
 
 def chain_draws(cost: float, n_draws: int, thin: int, seed: int, is_guarded: bool = True) -> Draws:
@@ -72,16 +53,3 @@ def chain_draws(cost: float, n_draws: int, thin: int, seed: int, is_guarded: boo
         recompute_sums(chain)
         maps.append(read_coloring(chain.graph))
     return Draws.from_colorings(maps, ROOM)
-
-
-def batch_means(chains: list[Floats], n_batches: int) -> Mean:
-    """Means of values (n_draws, k) of chains, their errors from `n_batches` of each."""
-    batches = [found.reshape(n_batches, -1, found.shape[1]).mean(axis=1) for found in chains]
-    found = np.concatenate(batches)
-    return Mean(found.mean(axis=0), found.std(axis=0, ddof=1) / np.sqrt(len(found)))
-
-
-def z_scores(one: Mean, other: Mean, names: tuple[str, ...] = NAMES) -> dict[str, float]:
-    """Differences over their standard errors, by name."""
-    z = (one.mean - other.mean) / np.hypot(one.error, other.error)
-    return dict(zip(names, z.round(2).tolist(), strict=True))

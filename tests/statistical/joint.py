@@ -1,100 +1,190 @@
-"""Worlds of the prior, readings of the sensor models, a round of tiles: maps and readings keep their joint law.
+"""Geweke's joint test: maps and readings drawn together, and in turn, have the same law.
 
-Each trial is independent of the others, and what a round must not change in the mean is compared before and after
-it, map by map (Geweke 2004, "Getting it right", without a chain): a thousand trials see a bias of a few thousandths.
+In one turn, of independent trials: what a transition must not change in the mean is compared before and after it, map
+by map. A thousand trials see a bias of a few thousandths. In many turns:
+
+Marginal-conditional: a map from the prior, readings in it. Successive-conditional: from such a pair on, the sampler
+moves the map given the readings, then readings are drawn anew in it, and so on. Chains of the second kind begin in the
+law that they must keep, need no burn-in, and are independent: a chain's mean is the unit of the error.
+Geweke (2004), Getting it right: joint distribution tests of posterior simulators.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import time
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from scipy import stats
 
 from prf.kernels import constants as c
+from prf.kernels.state.build import recompute_sums
 from prf.kernels.state.chain import Chain
-from prf.model.arak import exact_draws
-from prf.model.coloring import Coloring, black_at
-from prf.model.layout import read_coloring
-from prf.model.window import INTERIOR, Window
-from prf.sampler.posterior import LaserData, Settings, make_chain
-from prf.sampler.tiles.rounds import Round, TileData, make_round, make_tile_data
+from prf.model.coloring import Coloring, Draws
+from prf.model.layout import read_coloring, run_chain
+from prf.sampler.posterior import Settings, make_chain
+from prf.sampler.tempering import LadderPlan, Tempering
+from prf.sampler.tiles.rounds import make_round, make_tile_data
 from prf.sampler.tiles.tiled import finish_round, work_tile
-from tests.reference.beams import Sensor, draw_readings
-from tests.reference.slow_points import Flips, observe
-from tests.reference.slow_sonar import Ring
-from tests.reference.sonar_worlds import draw_data, ring_all_round
-from tests.reference.worlds import model_of
+from prf.shell.cli.progress import progress
+from tests.statistical.check import Check
+from tests.statistical.means import Floats, Mean, plain_mean, z_scores
+from tests.statistical.problems import from_map, names
+from tests.statistical.station import Station
+from tests.statistical.ways import LEVELS, TILES, unbounded
 
-ROOM = Window(0.0, 0.0, 12.0, 10.0)
-SCALE = 0.3
-TILES = 5
-LEAST = 1.5
-STEPS = 30_000
-SENSOR = Sensor(9.0)
-N_SENSORS, N_BEAMS = 4, 30
-NAMES = ("edges", "length", "interior vertices", "log prior", "log likelihood", "triangles")
-N_POINTS = 16
-
-Begin = Callable[[TileData, Chain, np.random.Generator], Round]
-
-
-def begin(data: TileData, chain: Chain, rng: np.random.Generator) -> Round:
-    return make_round(data, chain, TILES, LEAST, STEPS, rng)
-
-
-def world(rng: np.random.Generator, with_sonar: bool) -> tuple[Settings, Coloring]:
-    """A laser in a world of the prior, or laser, sonar and points."""
-    places = rng.uniform(ROOM[:2], ROOM[2:], (N_SENSORS, 2))
-    while True:
-        coloring = exact_draws(SCALE, ROOM, 1, rng)[0]
-        if not black_at(coloring, places).any():
-            break
-    origin, angle = np.repeat(places, N_BEAMS, axis=0), rng.uniform(-np.pi, np.pi, N_SENSORS * N_BEAMS)
-    unread = LaserData.from_arrays(origin, angle, np.full(len(angle), np.inf), model_of(SENSOR))
-    # Where beams end: held against shapely elsewhere, and a hundred times quicker.
-    distance = make_chain(Settings(ROOM, SCALE, unread), coloring).beams.ray[:, c.DISTANCE]
-    read = dataclasses.replace(unread.readings, range=draw_readings(SENSOR, distance, rng))
-    laser = dataclasses.replace(unread, readings=read)
-    if not with_sonar:
-        return Settings(ROOM, SCALE, laser), coloring
-    sonar = draw_data(coloring, Ring(max=2.0), ring_all_round(places, 8, 0.4, rng), rng)
-    points = observe(coloring, Flips(), rng.uniform(ROOM[:2], ROOM[2:], (20, 2)), rng)
-    return Settings(ROOM, SCALE, laser, sonar=sonar, points=points), coloring
+STEPS = 4000
+"""Of a chain between two sets of readings."""
+SPACING = 250
+"""Of them between two offers of the prior's temperature, which take place every second time."""
+LEAST_SIDE = 0.8
+"""Metres: width of the narrowest tile."""
+CONFIDENCE = 0.99
+PLACES = np.array([[0.8, 1.2], [2.0, 2.0], [3.0, 0.9], [1.5, 3.0]])
+"""Two of them on a side of the station's window."""
+QUANTITIES = (
+    *names(PLACES),
+    "number of edges, squared",
+    "length, squared",
+    "mean laser return",
+    "lasers without return",
+    "mean sonar return",
+    "sonars without return",
+    "points seen black",
+)
 
 
-def values(chain: Chain, coloring: Coloring) -> NDArray[np.float64]:
-    """What is compared; the colours are those of points at random places that are the same for all trials."""
-    places = np.random.default_rng(0).uniform(ROOM[:2], ROOM[2:], (N_POINTS, 2))
-    graph = chain.graph
-    named = [
-        graph.counts[c.EDGES],
-        graph.sums[c.TOTAL_LENGTH],
-        (coloring.side == INTERIOR).sum(),
-        graph.sums[c.LOG_PRIOR],
-        graph.sums[c.LOG_LIKELIHOOD],
-        graph.counts[c.TRIANGLE_VERTICES] // 3,
-    ]
-    return np.array([*named, *black_at(coloring, places)], np.float64)
+class Program(NamedTuple):
+    """How the sampler moves a map.
+
+    Attributes
+    ----------
+    name : str
+    levels : int
+        Stages in which beams are asked.
+    move : callable
+        Called with settings, a chain at the map, and a generator; returns the next map.
+    spoil : callable
+        What the sampler is given in place of the right settings; the identity unless it is a control.
+    """
+
+    name: str
+    levels: int
+    move: Callable[[Settings, Chain, np.random.Generator], Coloring]
+    spoil: Callable[[Settings], Settings] = lambda settings: settings
 
 
-def trials(n: int, seed: int, with_sonar: bool = False, start: Begin = begin) -> NDArray[np.float64]:
-    """Change of every value by a round (n, number of values)."""
-    changes = []
-    for number in range(n):
-        rng = np.random.default_rng([seed, number])
-        settings, coloring = world(rng, with_sonar)
-        data, chain = make_tile_data(settings), make_chain(settings, coloring)
-        before = values(chain, coloring)
-        begun = start(data, chain, rng)
-        results = [work_tile(data, begun, k) for k in range(len(begun.tiles))]
-        chain = finish_round(data, chain, begun, results)
-        changes.append(values(chain, read_coloring(chain.graph)) - before)
-    return np.array(changes)
+def changes(change: Callable[[np.random.Generator], Floats], n: int, seed: int) -> Floats:
+    """Return the change of every value by a transition in independent trials, (n, number of values)."""
+    return np.array([change(np.random.default_rng([seed, number])) for number in range(n)])
 
 
-def z_scores(changes: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Mean change over its standard error; 0 for what never changes."""
-    error = changes.std(axis=0, ddof=1) / np.sqrt(len(changes))
-    return np.divide(changes.mean(axis=0), error, out=np.zeros(changes.shape[1]), where=error > 0.0)
+def z_of_changes(found: Floats) -> Floats:
+    """Return the mean change over its standard error; 0 for what never changes."""
+    return z_scores(plain_mean(found), Mean(np.zeros(found.shape[1]), np.zeros(found.shape[1])))
+
+
+def moved_plainly(settings: Settings, chain: Chain, rng: np.random.Generator) -> Coloring:
+    """Steps of one chain that asks all readings."""
+    chain = unbounded(chain)
+    recompute_sums(chain)
+    return read_coloring(run_chain(chain, rng, STEPS).graph)
+
+
+def moved_with_accelerators(settings: Settings, chain: Chain, rng: np.random.Generator) -> Coloring:
+    """Steps with bounds and levels, a round of tiles, then swaps with a hot chain that has exact draws of the prior.
+
+    No other temperature may begin anew at each set of readings: its map would remember the readings before.
+    """
+    chain = run_chain(chain, rng, STEPS // 4)
+    data = make_tile_data(settings)
+    begun = make_round(data, chain, TILES, LEAST_SIDE, STEPS // 4, rng)
+    chain = finish_round(data, chain, begun, [work_tile(data, begun, k) for k in range(len(begun.tiles))])
+    tempering = Tempering(settings, chain, rng, LadderPlan(2, lowest=0.0))
+    tempering.spacing = SPACING
+    return read_coloring(tempering.run_to(chain, rng, int(chain.graph.counts[c.STEP]) + STEPS // 2).graph)
+
+
+PLAIN = Program("plain", 1, moved_plainly)
+ACCELERATED = Program("bounds, levels, tiles, prior's temperature", LEVELS, moved_with_accelerators)
+
+
+def quantities(settings: Settings, coloring: Coloring, chain: Chain) -> Floats:
+    """Return what is compared, (len(QUANTITIES),)."""
+    assert settings.laser is not None
+    assert settings.sonar is not None
+    assert settings.points is not None
+    shape = from_map(Draws.from_colorings([coloring]), PLACES)[0]
+    read = []
+    for readings, most in (
+        (settings.laser.readings.range, settings.laser.model.max_range),
+        (settings.sonar.readings.range, settings.sonar.model.max_range),
+    ):
+        read += [np.minimum(readings, most).mean(), float((readings >= most).sum())]
+    sums = chain.graph.sums[[c.LOG_PRIOR, c.LOG_LIKELIHOOD]]
+    return np.array([*shape, *sums, shape[0] ** 2, shape[1] ** 2, *read, settings.points.table.value.sum()])
+
+
+def successive(station: Station, program: Program, n_turns: int, rng: np.random.Generator) -> Floats:
+    """Return the quantities after every turn (n_turns, len(QUANTITIES)); the first is a marginal-conditional draw."""
+    coloring, rows = station.draw_map(rng), []
+    for _ in range(n_turns):
+        settings = station.read(coloring, rng)
+        given = dataclasses.replace(program.spoil(settings), levels=program.levels)
+        chain = make_chain(given, coloring)
+        # Of the settings that the sampler is given: any function of map and readings will do.
+        rows.append(quantities(settings, coloring, chain))
+        coloring = program.move(given, chain, rng)
+    return np.array(rows)
+
+
+def marginal(station: Station, program: Program, n: int, rng: np.random.Generator) -> Mean:
+    """Return the means over independent pairs of map and readings."""
+    return plain_mean(np.concatenate([successive(station, program._replace(move=stay), 1, rng) for _ in range(n)]))
+
+
+def stay(settings: Settings, chain: Chain, rng: np.random.Generator) -> Coloring:
+    """Do not move."""
+    return read_coloring(chain.graph)
+
+
+class Joint(NamedTuple):
+    """Both simulators, how far apart they are, and the number of chains."""
+
+    marginal: Mean
+    successive: Mean
+    z: Floats
+    limit: float
+    n_chains: int
+    seconds: float
+
+
+def run_joint(station: Station, program: Program, n_chains: int, n_turns: int, n_pairs: int, seed: int) -> Joint:
+    """Run both simulators. The limit holds for all quantities at once (Bonferroni), with Student's law."""
+    start = time.monotonic()
+    name = list(program.name.encode())
+    apart = marginal(station, program, n_pairs, np.random.default_rng([seed, *name]))
+    rows = []
+    with progress(n_chains, f"joint test, {program.name}") as reporter:
+        for number in range(n_chains):
+            rng = np.random.default_rng([seed, *name, number])
+            rows.append(successive(station, program, n_turns, rng)[1:].mean(axis=0))
+            reporter.update(number + 1, chains=number + 1)
+    found = plain_mean(np.array(rows))
+    limit = float(stats.t.isf(0.5 * (1.0 - CONFIDENCE) / len(QUANTITIES), n_chains - 1))
+    return Joint(apart, found, z_scores(found, apart), limit, n_chains, time.monotonic() - start)
+
+
+def joint_check(program: Program, found: Joint, is_control: bool = False) -> Check:
+    """Return the check of the largest difference."""
+    worst = int(np.abs(found.z).argmax())
+    return Check(
+        f"{'control, ' if is_control else ''}joint test, {program.name}",
+        f"largest |z| {abs(found.z[worst]):.2f} of {len(QUANTITIES)} ({QUANTITIES[worst]})",
+        f"|z| < {found.limit:.2f}, {CONFIDENCE:.0%} for all at once, {found.n_chains} chains",
+        bool(np.abs(found.z).max() < found.limit),
+        found.seconds,
+        is_control,
+    )

@@ -24,7 +24,7 @@ from prf.poses.plane import seen_from, wrapped
 from prf.sampler.poses import PoseTurns
 from tests.reference import pose_worlds
 from tests.reference.pose_worlds import PoseWorld, Rig, begin, draw_pose_world
-from tests.statistical.joint import z_scores
+from tests.statistical.joint import changes, z_of_changes
 
 STEPS = 100
 """Of poses in a trial."""
@@ -59,10 +59,10 @@ def values(chain: Chain, turns: PoseTurns, world: PoseWorld) -> dict[str, float]
 
 def trials(rig: Rig, n: int, seed: int, warps: float, steps: int = STEPS) -> tuple[dict[str, float], dict[str, int]]:
     """z-scores of the mean changes by name, and how many moves of each kind were accepted."""
-    changes, accepted = [], np.zeros(len(POSE_MOVES), np.int64)
-    before: dict[str, float] = {}
-    for number in range(n):
-        rng = np.random.default_rng([seed, number])
+    accepted, names = np.zeros(len(POSE_MOVES), np.int64), []
+
+    def change(rng: np.random.Generator) -> NDArray[np.float64]:
+        nonlocal accepted, names
         # Births alone look at targets, and to find those near each other takes most of the time.
         with mock.patch.object(layout, "NEAR", 0):
             world = draw_pose_world(rig, rng)
@@ -70,11 +70,12 @@ def trials(rig: Rig, n: int, seed: int, warps: float, steps: int = STEPS) -> tup
         turns.state.spread[:] = SPREAD
         turns.warps = warps
         before = values(chain, turns, world)
-        chain = turns.move(chain, rng, steps)
-        changes.append(np.array(list(values(chain, turns, world).values())) - list(before.values()))
-        accepted += turns.state.outcomes[:, c.ACCEPTED]
-    z: NDArray[np.float64] = z_scores(np.array(changes))
-    return dict(zip(before, z.tolist(), strict=True)), dict(zip(POSE_MOVES, accepted.tolist(), strict=True))
+        after = values(turns.move(chain, rng, steps), turns, world)
+        accepted, names = accepted + turns.state.outcomes[:, c.ACCEPTED], list(before)
+        return np.array(list(after.values())) - list(before.values())
+
+    z = z_of_changes(changes(change, n, seed)).tolist()
+    return dict(zip(names, z, strict=True)), dict(zip(POSE_MOVES, accepted.tolist(), strict=True))
 
 
 if __name__ == "__main__":

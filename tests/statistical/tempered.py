@@ -6,10 +6,7 @@ of it.
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
-from numpy.typing import NDArray
 
 from prf.kernels import constants as c
 from prf.kernels.state.chain import Chain
@@ -21,8 +18,7 @@ from prf.model.window import Window
 from prf.sampler.chain_map import with_map
 from prf.sampler.posterior import LaserData, Settings, make_chain
 from prf.sampler.tempering import LadderPlan, Tempering
-
-Floats = NDArray[np.float64]
+from tests.statistical.means import Floats, Mean, batch_mean, weighted_mean
 
 WINDOW = Window(0.0, 0.0, 4.0, 4.0)
 SCALE = 0.3
@@ -61,27 +57,13 @@ def exact_values(settings: Settings, n: int, seed: int) -> Floats:
     return np.array(rows)
 
 
-class Means(NamedTuple):
-    """Means of the functionals on every temperature, (temperatures, len(NAMES)), and their standard errors."""
-
-    mean: Floats
-    error: Floats
-
-
-def exact_means(values: Floats) -> Means:
-    """Self-normalised importance sampling; on the cold chain no sensor may be occupied."""
-    log_likelihood, occupied = values[:, 2] - values[:, 2].max(), values[:, 3]
-    means, errors = [], []
-    for power in POWERS:
-        log_weight = power * (log_likelihood - COST * occupied)
-        if power == 1.0:
-            log_weight = np.where(occupied > 0, -np.inf, log_likelihood)
-        weight = np.exp(log_weight)
-        weight /= weight.sum()
-        mean = weight @ values
-        means.append(mean)
-        errors.append(np.sqrt(weight**2 @ (values - mean) ** 2))
-    return Means(np.array(means), np.array(errors))
+def exact_means(values: Floats) -> list[Mean]:
+    """By temperature; on the cold chain no sensor may be occupied."""
+    log_likelihood, occupied = values[:, 2], values[:, 3]
+    cold = np.where(occupied > 0, -np.inf, log_likelihood)
+    return [
+        weighted_mean(values, cold if power == 1.0 else power * (log_likelihood - COST * occupied)) for power in POWERS
+    ]
 
 
 class Costless(Tempering):
@@ -106,8 +88,8 @@ class Unforbidden(Tempering):
         return float((self.ladder.powers[0] - self.ladder.powers[1]) * (sums[0] - cost - sums[1]))
 
 
-def sampled_means(settings: Settings, n_swaps: int, seed: int, kind: type[Tempering] = Tempering) -> Means:
-    """Batch means over one run at fixed powers, looked at after every try to swap."""
+def sampled_means(settings: Settings, n_swaps: int, seed: int, kind: type[Tempering] = Tempering) -> list[Mean]:
+    """By temperature, over one run at fixed powers, looked at after every try to swap."""
     rng = np.random.default_rng(seed)
     cold = make_chain(settings, Coloring.empty(WINDOW))
     tempering = kind(settings, cold, rng, LadderPlan(len(POWERS), 0.0, COST))
@@ -120,13 +102,4 @@ def sampled_means(settings: Settings, n_swaps: int, seed: int, kind: type[Temper
         if swap > BURN_IN:
             rows.append([functionals(chain, read_coloring(chain.graph)) for chain in (cold, *tempering.hot)])
     kept = np.array(rows)
-    batches = kept[: len(kept) // N_BATCHES * N_BATCHES].reshape(N_BATCHES, -1, *kept.shape[1:]).mean(axis=1)
-    return Means(batches.mean(axis=0), batches.std(axis=0, ddof=1) / np.sqrt(N_BATCHES))
-
-
-def z_scores(exact: Means, found: Means) -> dict[str, float]:
-    """z-score of every mean on every temperature; 0 where both are the same without any error."""
-    error = np.hypot(exact.error, found.error)
-    difference = found.mean - exact.mean
-    z = np.where(difference == 0.0, 0.0, difference / np.where(error > 0.0, error, 1e-300))
-    return {f"temperature {k}: {name}": float(z[k, i]) for k in range(len(POWERS)) for i, name in enumerate(NAMES)}
+    return [batch_mean([kept[:, k]], N_BATCHES) for k in range(len(POWERS))]

@@ -9,6 +9,7 @@ import pytest
 
 from tests.reference.hastings import NAMES, TOLERANCE
 from tests.statistical import mutants
+from tests.statistical.means import largest
 
 SEED = 20050726
 SUSPECTS = {
@@ -82,10 +83,6 @@ OFTEN_CORNERS = (
 """Two steps of three join or part, notch or fill, or bend or unbend."""
 
 
-def worst(found: dict[str, Any]) -> list[tuple[str, float]]:
-    return sorted(found["z"].items(), key=lambda item: -abs(item[1]))[:5]
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "odds",
@@ -98,7 +95,7 @@ def test_intact_copy_obeys_the_laws(odds: tuple[str, ...], tmp_path: Path) -> No
     assert found["relative_error_edges"] < 0.01
     assert len(found["z"]) > 60
     # 71 numbers a run, each beyond 4.5 by chance once in 53,000 (Student, 100 batches).
-    assert abs(worst(found)[0][1]) < 4.5, (SEED, worst(found))
+    assert largest(found["z"])[1] < 4.5, (SEED, largest(found["z"]))
 
 
 @pytest.mark.slow
@@ -116,4 +113,4 @@ def test_intact_copy_obeys_the_laws(odds: tuple[str, ...], tmp_path: Path) -> No
 def test_laws_catch_the_mistake(mutant: mutants.Mutant, steps: int, odds: tuple[str, ...], tmp_path: Path) -> None:
     arguments = ("tests.statistical.prior_chain", str(steps), str(SEED), *odds)
     found = mutants.run_check(tmp_path, mutant, *arguments, compiled=True)
-    assert abs(worst(found)[0][1]) > 6.0, (SEED, worst(found))
+    assert largest(found["z"])[1] > 6.0, (SEED, largest(found["z"]))

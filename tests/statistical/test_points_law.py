@@ -10,23 +10,20 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
-from prf.kernels.step import run
 from prf.model.arak import exact_draws
 from prf.model.coloring import Draws, black_at_draws
-from prf.model.layout import grow, read_coloring
+from prf.model.layout import read_coloring, run_chain
 from prf.model.window import Window
 from prf.sampler.posterior import PointData, Settings, make_chain, one_colour_map
 from tests.reference.slow_points import Flips, Normal
+from tests.statistical.means import Floats, Mean, batch_mean, weighted_mean, z_scores
 
 SEED = 20261121
 UNIT = Window(0.0, 0.0, 1.0, 1.0)
 THIN, BURN_IN, N_BATCHES = 250, 50_000, 50
 LIMIT = 4.0
 """One of the 43 means that are looked at lies beyond it by chance once in 110 (t of 49 degrees of freedom)."""
-
-Floats = NDArray[np.float64]
 
 
 class Case(NamedTuple):
@@ -63,20 +60,18 @@ def functionals(draws: Draws, data: PointData) -> tuple[Floats, Floats]:
 
 
 @cache
-def exact(name: str) -> tuple[Floats, Floats]:
-    """Posterior means of the functionals and their standard errors, by weighted draws from the prior."""
+def exact(name: str) -> Mean:
+    """Posterior means of the functionals, by weighted draws from the prior."""
     case = CASES[name]
     draws = exact_draws(case.scale, UNIT, 60_000, np.random.default_rng([SEED, 2]))
     values, log_likelihood = functionals(draws, observations(case))
     weight = np.exp(log_likelihood - log_likelihood.max())
-    weight /= weight.sum()
-    assert 1.0 / (weight**2).sum() > 10_000
-    mean = weight @ values
-    return mean, np.sqrt(weight**2 @ (values - mean) ** 2)
+    assert weight.sum() ** 2 / (weight**2).sum() > 10_000
+    return weighted_mean(values, log_likelihood)
 
 
-def z_scores(name: str, repeat: int, steps: int) -> Floats:
-    """Of the chain's means; `repeat` is how often each point is counted, 1 being right."""
+def compared(name: str, repeat: int, steps: int) -> Floats:
+    """z-scores of the chain's means; `repeat` is how often each point is counted, 1 being right."""
     case = CASES[name]
     data = observations(case)
     told = PointData.from_arrays(np.tile(data.table.xy, (repeat, 1)), np.tile(data.table.value, repeat), data.model)
@@ -84,24 +79,19 @@ def z_scores(name: str, repeat: int, steps: int) -> Floats:
     chain, rng = make_chain(settings, one_colour_map(settings)), np.random.default_rng([SEED, 3])
     maps = []
     for until in range(BURN_IN, steps + 1, THIN):
-        while not run(chain, rng, until):
-            chain = grow(chain)
+        chain = run_chain(chain, rng, until)
         maps.append(read_coloring(chain.graph))
     values, _ = functionals(Draws.from_colorings(maps, UNIT), data)
-    length = len(values) // N_BATCHES
-    batches = values[: N_BATCHES * length].reshape(N_BATCHES, length, -1).mean(axis=1)
-    mean, error = exact(name)
-    found: Floats = (batches.mean(axis=0) - mean) / np.hypot(error, batches.std(axis=0, ddof=1) / np.sqrt(N_BATCHES))
-    return found
+    return z_scores(batch_mean([values], N_BATCHES), exact(name))
 
 
 @pytest.mark.parametrize("name", CASES)
 def test_the_chain_has_the_means_of_weighted_exact_draws(name: str) -> None:
-    z = z_scores(name, 1, 1_000_000)
+    z = compared(name, 1, 1_000_000)
     assert np.abs(z).max() < LIMIT, z
 
 
 @pytest.mark.slow
 def test_points_counted_twice_are_caught() -> None:
-    z = z_scores("some walls, gaussian", 2, 1_000_000)
+    z = compared("some walls, gaussian", 2, 1_000_000)
     assert np.abs(z).max() > 2.0 * LIMIT, z

@@ -1,14 +1,12 @@
 """Worlds, poses and readings of the model: the truth ranks uniformly among draws of map and trajectory.
 
-Simulation-based calibration as in :mod:`tests.verify.sbc`, of what `prf sample` does with uncertain poses: chains start
-at the white map and at the given poses, walks are scaled as they go.
+Simulation-based calibration as in :mod:`tests.statistical.sbc`, of what `prf sample` does with uncertain poses: chains
+start at the white map and at the given poses, walks are scaled as they go.
 """
 
 from __future__ import annotations
 
 import dataclasses
-from concurrent.futures import ThreadPoolExecutor
-from functools import partial
 from unittest import mock
 
 import numpy as np
@@ -23,7 +21,8 @@ from prf.sampler import Sampler, poses
 from prf.sampler.posterior import Settings
 from tests.reference.beams import Sensor
 from tests.reference.pose_worlds import BOTH, DRIVEN, PoseWorld, Rig, begin, draw_pose_world
-from tests.verify.ranks import make_band, rank_of
+from tests.statistical.ranks import rank_of
+from tests.statistical.sbc import Calibration, World, calibrate
 
 pytestmark = pytest.mark.slow
 
@@ -51,8 +50,8 @@ def quantities(draws: Draws, offset: NDArray[np.float64], log_likelihood: NDArra
     return found | {"log likelihood": log_likelihood}
 
 
-def rank_world(rig: Rig, noise: float, number: int) -> tuple[tuple[str, ...], NDArray[np.int64], bool]:
-    """Names, ranks of one world's truth and whether chains agree; given errors are taken for `noise` times as large."""
+def rank_world(rig: Rig, noise: float, number: int) -> tuple[tuple[str, ...], World]:
+    """Names, and ranks of one world's truth; given errors are taken for `noise` times as large."""
     rng = np.random.default_rng([SEED, rig.n_cones, rig.odometry is None, number])
     world = draw_pose_world(rig, rng)
     true_chain, _ = begin(world)
@@ -70,7 +69,8 @@ def rank_world(rig: Rig, noise: float, number: int) -> tuple[tuple[str, ...], ND
     likely = true_chain.graph.sums[[c.LOG_LIKELIHOOD]]
     truth = quantities(Draws.from_colorings([world.coloring]), offset[None], likely)
     ranks = rank_of(np.array(list(truth.values()))[:, 0], np.array(list(drawn.values())).T, rng)
-    return tuple(truth), ranks, max(found[name].rhat for name in found if found[name].state == "varies") < MOST_RHAT
+    rhat = max(one.rhat for one in found.values() if one.state == "varies")
+    return tuple(truth), World(ranks, rhat < MOST_RHAT)
 
 
 def as_given(world: PoseWorld, noise: float) -> Settings:
@@ -83,16 +83,19 @@ def as_given(world: PoseWorld, noise: float) -> Settings:
     return dataclasses.replace(settings, laser=laser, sonar=sonar, poses=model, resolution=0.5)
 
 
-def rank_worlds(rig: Rig, n_worlds: int, noise: float = 1.0) -> tuple[dict[str, tuple[float, int]], float]:
-    """p and places outside the band by name, and the share of worlds in which chains agree."""
-    with mock.patch.object(poses, "MAP_STEPS", MAP_STEPS), ThreadPoolExecutor(2) as pool:
-        found = list(pool.map(partial(rank_world, rig, noise), range(n_worlds)))
-    names, ranks = found[0][0], np.array([ranks for _, ranks, _ in found])
-    band = make_band(n_worlds, N_DRAWS, CONFIDENCE)
-    verdicts = {name: tuple(band.judge(ranks[:, k])) for k, name in enumerate(names)}
-    agreed = float(np.mean([one for *_, one in found]))
-    print(n_worlds, agreed, verdicts)
-    return verdicts, agreed
+def rank_worlds(rig: Rig, n_worlds: int, noise: float = 1.0) -> Calibration:
+    """Worlds of a rig, all of which have the same names."""
+    names: tuple[str, ...] = ()
+
+    def make(number: int) -> World:
+        nonlocal names
+        names, world = rank_world(rig, noise, number)
+        return world
+
+    with mock.patch.object(poses, "MAP_STEPS", MAP_STEPS):
+        found = calibrate(make, n_worlds)._replace(names=names)
+    print(found.words())
+    return found
 
 
 ARMS = {
@@ -104,11 +107,11 @@ ARMS = {
 
 @pytest.mark.parametrize("arm", ARMS)
 def test_the_truth_ranks_as_any_draw(arm: str) -> None:
-    verdicts, agreed = rank_worlds(*ARMS[arm])
-    assert {name: verdict for name, verdict in verdicts.items() if verdict[1] > 0} == {}
-    assert agreed > 0.6
+    found = rank_worlds(*ARMS[arm])
+    assert found.outside(CONFIDENCE) == {}
+    assert found.agreed > 0.6
 
 
 def test_errors_taken_for_a_third_of_what_they_are_show() -> None:
-    verdicts, _ = rank_worlds(SMALL, 40, noise=1.0 / 3.0)
-    assert sum(verdicts[f"pose {i} {axis}"][1] > 0 for i in range(2) for axis in "xyt") >= 3
+    outside = rank_worlds(SMALL, 40, noise=1.0 / 3.0).outside(CONFIDENCE)
+    assert sum(f"pose {i} {axis}" in outside for i in range(2) for axis in "xyt") >= 3

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 import prf.sampler.tiles.part as part
-import prf.sampler.tiles.partition as schedule
 import prf.sampler.tiles.rounds as rounds
 from prf.kernels.state.chain import Chain
 from prf.kernels.state.grid import Grid
@@ -19,9 +18,10 @@ from prf.model.layout import read_coloring
 from prf.model.window import Window
 from prf.sampler.posterior import Settings
 from prf.sampler.tiles.rounds import Round, TileData
-from tests.statistical import joint, mutants, tiled
+from tests.statistical import mutants, tiled
+from tests.statistical.joint import changes, z_of_changes
 from tests.statistical.laws import law_scores
-from tests.statistical.test_calibration import STAGES, laser_problem, run_worlds
+from tests.statistical.means import largest
 
 SEED = 20050726
 N_DRAWS, BATCH = 2000, 20
@@ -29,29 +29,26 @@ LIMIT = 4.0
 """Some 22 numbers, not all independent: beyond it by chance once in 700."""
 
 
-def worst(z: dict[str, float]) -> list[tuple[str, float]]:
-    return sorted(z.items(), key=lambda item: -abs(item[1]))[:5]
-
-
-def in_two_threads(n: int, with_sonar: bool = False, start: joint.Begin = joint.begin) -> np.ndarray:
+def worst_change(n: int, with_sonar: bool = False, start: tiled.Begin = tiled.begin) -> float:
+    """Largest |z| of the mean change of a value, trials in two threads."""
+    change = partial(tiled.round_change, with_sonar=with_sonar, start=start)
     with ThreadPoolExecutor(2) as pool:
-        halves = pool.map(lambda k: joint.trials(n // 2, SEED + k, with_sonar, start), range(2))
-    changes = np.concatenate(list(halves))
-    print(dict(zip(joint.NAMES, joint.z_scores(changes).round(2).tolist(), strict=False)))
-    return changes
+        halves = pool.map(lambda k: changes(change, n // 2, SEED + k), range(2))
+        z = z_of_changes(np.concatenate(list(halves)))
+    print(dict(zip(tiled.NAMES, z.round(2).tolist(), strict=False)))
+    return float(np.abs(z).max())
 
 
 def test_a_round_changes_no_mean_in_a_few_worlds() -> None:
-    changes = joint.trials(40, SEED)
-    assert (changes[:, 0] != 0).mean() > 0.9
-    assert np.abs(joint.z_scores(changes)).max() < 5.0
+    found = changes(tiled.round_change, 40, SEED)
+    assert (found[:, 0] != 0).mean() > 0.9
+    assert np.abs(z_of_changes(found)).max() < 5.0
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("with_sonar", [False, True], ids=["laser", "laser, sonar and points"])
 def test_a_round_keeps_the_joint_law_of_maps_and_readings(with_sonar: bool) -> None:
-    z = joint.z_scores(in_two_threads(1200, with_sonar))
-    assert np.abs(z).max() < LIMIT, z.round(2)
+    assert worst_change(1200, with_sonar) < LIMIT
 
 
 @pytest.mark.slow
@@ -63,8 +60,7 @@ def test_beams_without_guards_are_caught(monkeypatch: pytest.MonkeyPatch) -> Non
         return found._replace(guards=found.guards[:0], stops=found.stops[:0])
 
     monkeypatch.setattr(part, "share_beams", careless)
-    z = joint.z_scores(in_two_threads(400))
-    assert np.abs(z).max() > 6.0, z.round(2)
+    assert worst_change(400) > 6.0
 
 
 @pytest.mark.slow
@@ -81,11 +77,10 @@ def test_a_partition_that_looks_at_the_map_is_caught(monkeypatch: pytest.MonkeyP
 
     def begin(data: TileData, chain: Chain, rng: np.random.Generator) -> Round:
         present[id(rng)] = read_coloring(chain.graph)
-        return joint.begin(data, chain, rng)
+        return tiled.begin(data, chain, rng)
 
     monkeypatch.setattr(rounds, "random_tiles", greedy)
-    z = joint.z_scores(in_two_threads(1200, start=begin))
-    assert np.abs(z).max() > 5.0, z.round(2)
+    assert worst_change(1200, start=begin) > 5.0
 
 
 def edges_inside(coloring: Coloring, tiles: np.ndarray) -> int:
@@ -106,22 +101,15 @@ def test_tiled_chains_obey_the_laws_of_the_prior() -> None:
         chain_ids=ids,
         batch=BATCH,
     )
-    print(scores.relative_error_edges, worst(scores.z))
+    print(scores.relative_error_edges, scores.worst())
     assert scores.relative_error_edges < 0.006
     # 71 numbers, each beyond 4 by chance once in 11,000 (Student, 200 batches).
-    assert not scores.beyond(4.0), worst(scores.z)
+    assert not scores.beyond(4.0), scores.worst()
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("mutant", "is_right"), [(mutants.INTACT, True), (mutants.WHOLE_AREA, False)])
 def test_counts_of_the_whole_window_are_caught(mutant: mutants.Mutant, is_right: bool, tmp_path: Path) -> None:
     found = mutants.run_check(tmp_path, mutant, "tests.statistical.tiled", "1000", str(SEED), compiled=True)
-    z = abs(worst(found["z"])[0][1])
-    assert z < 4.5 if is_right else z > 6.0, worst(found["z"])
-
-
-@pytest.mark.slow
-def test_probabilities_are_the_shares_observed_with_tiles(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(schedule, "ROUND_LENGTHS", (64_000, 64_000))
-    found, _, summary = run_worlds(30, STAGES[:3], partial(laser_problem, tiles=5))
-    assert np.abs(found.z).max() < 3.5, summary
+    name, z = largest(found["z"])
+    assert z < 4.5 if is_right else z > 6.0, name

@@ -8,13 +8,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from prf.model.arak import exact_draws
 from prf.model.coloring import Coloring, black_at
 from prf.model.window import Window
 from prf.sampler.posterior import LaserData, Settings
 from tests.reference import beams, slow_points, slow_sonar
 from tests.reference.sonar_worlds import draw_data
-from tests.reference.worlds import model_of
+from tests.reference.worlds import draw_white, model_of
 
 Floats = NDArray[np.float64]
 
@@ -59,10 +58,7 @@ class Station(NamedTuple):
 
     def draw_map(self, rng: np.random.Generator) -> Coloring:
         """Return an exact draw of the prior, given that every sensor stands in white."""
-        while True:
-            draw = exact_draws(self.scale, self.window, 1, rng)[0]
-            if not black_at(draw, self.sensors).any():
-                return draw
+        return draw_white(self.scale, self.window, self.sensors, rng)
 
     def read(self, coloring: Coloring, rng: np.random.Generator) -> Settings:
         """Return the posterior of readings that are drawn in this map."""

@@ -9,13 +9,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from tests.verify.geweke import QUANTITIES, Joint
-from tests.verify.images import N_CELLS, Estimate, compare
-from tests.verify.problems import NAMES
-from tests.verify.ranks import counts_below, make_band
-from tests.verify.sbc import CONFIDENCE, Ranks
-from tests.verify.station import Station
-from tests.verify.ways import N_DRAWS
+from tests.statistical.images import N_CELLS, Estimate, compare
+from tests.statistical.joint import QUANTITIES, Joint
+from tests.statistical.problems import NAMES
+from tests.statistical.ranks import counts_below, make_band
+from tests.statistical.sbc import CONFIDENCE, Calibration
+from tests.statistical.station import Station
+from tests.statistical.ways import N_DRAWS
 
 INSIDE, OUTSIDE, SHADE = "#1f4e79", "#c0392b", "#c9d6e2"
 DPI = 90
@@ -27,12 +27,12 @@ def save(figure: Figure, path: Path) -> None:
     figure.savefig(path, dpi=DPI)
 
 
-def plot_ranks(name: str, found: Ranks, path: Path) -> None:
+def plot_ranks(name: str, found: Calibration, path: Path) -> None:
     """Plot, for each quantity, the distribution of the ranks less the uniform one with its band, and a histogram."""
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(11.0, 8.0), layout="constrained")
         figure.suptitle(
-            f"{name}: ranks of the truth among {N_DRAWS} draws, {len(found.ranks)} worlds; band {CONFIDENCE:.0%}"
+            f"{name}: ranks of the truth among {N_DRAWS} draws, {len(found.worlds)} worlds; band {CONFIDENCE:.0%}"
         )
         panels = figure.subplots(6, 3, gridspec_kw={"height_ratios": [2, 1] * 3})
         for k, quantity in enumerate(NAMES):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.verify.ranks import counts_below, make_band, rank_of
+from tests.statistical.ranks import counts_below, make_band, rank_of
 
 SEED = 20261121
 

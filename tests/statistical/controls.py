@@ -14,9 +14,9 @@ from prf.model.layout import read_coloring, run_chain
 from prf.sampler.posterior import Settings, make_chain
 from tests.reference.free_way import is_free
 from tests.statistical import mutants
-from tests.verify.problems import PROBLEMS
-from tests.verify.sbc import Arm, Ranks
-from tests.verify.ways import N_CHAINS, N_DRAWS, Answer, plain
+from tests.statistical.problems import NAMES, PROBLEMS
+from tests.statistical.sbc import Arm, Calibration, World
+from tests.statistical.ways import N_CHAINS, N_DRAWS, Answer, plain
 
 SHARPER, BLUNTER = 0.4, 2.5
 """Noise that the sampler is told, as a share of the right one."""
@@ -82,10 +82,11 @@ def control_arms() -> list[Arm]:
     ]
 
 
-def run_mutant(n_worlds: int, seed: int) -> Ranks:
-    """Return ranks of a copy of the sampler with a mistake in a ratio, compiled in a process of its own."""
+def run_mutant(n_worlds: int, seed: int) -> Calibration:
+    """Return ranks by a copy of the sampler with a mistake in a ratio, compiled in a process of its own."""
     with tempfile.TemporaryDirectory() as folder:
-        arguments = ("tests.verify.mutant_arm", str(n_worlds), str(seed))
+        arguments = ("tests.statistical.sbc", str(n_worlds), str(seed))
         found = mutants.run_check(Path(folder), MUTANT, *arguments, compiled=True)
-    ranks, steps = np.array(found["ranks"]), np.array(found["steps"])
-    return Ranks(ranks, steps, np.array(found["agreed"], np.bool_), found["seconds"])
+    rows = zip(*(found[name] for name in ("ranks", "agreed", "steps")), strict=True)
+    worlds = [World(np.array(ranks), agreed, steps) for ranks, agreed, steps in rows]
+    return Calibration(NAMES, N_DRAWS, worlds, found["seconds"])

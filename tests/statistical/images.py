@@ -11,7 +11,6 @@ import time
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import stats
 
 from prf.model.coloring import Draws, black_at_draws
@@ -22,11 +21,10 @@ from prf.sampler.posterior import Settings
 from prf.sampler.tempering import LadderPlan
 from prf.shell.cli.progress import progress
 from tests.reference.disagreement_loops import sample
-from tests.verify.check import Check
-from tests.verify.problems import from_map
-from tests.verify.station import Station
-
-Floats = NDArray[np.float64]
+from tests.statistical.check import Check
+from tests.statistical.means import Floats, Mean, z_scores
+from tests.statistical.problems import from_map
+from tests.statistical.station import Station
 
 N_CELLS = 14
 """Along a side of the images."""
@@ -136,8 +134,7 @@ def by_sampler(
 
 def compare(first: Estimate, second: Estimate) -> Comparison:
     """Return how far two estimates are apart; the limit is Bonferroni's, for normal errors."""
-    error = np.hypot(first.error, second.error)
-    z = np.divide(second.mean - first.mean, error, out=np.zeros(len(error)), where=error > 0.0)
+    z = z_scores(Mean(second.mean, second.error), Mean(first.mean, first.error))
     return Comparison(z, float(stats.norm.isf(0.5 * (1.0 - CONFIDENCE) / len(z))))
 
 

@@ -25,8 +25,9 @@ from prf.sampler.posterior import Settings, make_chain
 from prf.sampler.tempering import LadderPlan
 from prf.sampler.tiles import partition as schedule
 from prf.sampler.tiles import tiled
+from prf.shell.cli.seeds import spawn_generators
 from tests.reference.free_way import is_free
-from tests.verify.problems import NAMES, from_map
+from tests.statistical.problems import NAMES, from_map
 
 Floats = NDArray[np.float64]
 
@@ -137,6 +138,25 @@ def with_tiles(settings: Settings, rng: np.random.Generator, threads: int) -> An
         mock.patch.object(tiled, "PLAIN_SHARE", PLAIN_SHARE),
     ):
         return by_sampler(dataclasses.replace(settings, levels=LEVELS, tiles=TILES), rng, threads, None)
+
+
+Stages = tuple[tuple[int, float], ...]
+"""Steps at which chains are asked whether they agree, and the R-hat (worst of all that is watched) that will do.
+
+When to stop depends on the chains alone, never on the truth, so it cannot favour right answers.
+"""
+
+
+def in_stages(settings: Settings, seed: int, stages: Stages, rungs: int = 1) -> tuple[Draws, float]:
+    """Return the draws of four chains in one thread, and how well the chains agree (R-hat)."""
+    with Sampler(settings, spawn_generators(seed, 4), 1, plan=LadderPlan(rungs)) as sampler:
+        for steps, enough in stages:
+            while sampler.step < steps:
+                sampler.advance()
+            rhat = max((found.rhat for found in sampler.diagnose().values() if found.state != "constant"), default=1.0)
+            if rhat < enough:
+                break
+        return sampler.sample().draws, rhat
 
 
 WAYS: dict[str, Way] = {"plain": plain, "tempered": with_tempering, "tiles": with_tiles}

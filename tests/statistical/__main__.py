@@ -1,4 +1,4 @@
-"""``python -m tests.verify``: verify that the sampler is right; one line a check, plots and figures in a folder.
+"""``python -m tests.statistical``: verify that the sampler is right; one line a check, plots and figures in a folder.
 
 Exits with 1 if a check fails, or if a mistake made on purpose is not caught. docs/verification.md says what is done.
 """
@@ -16,15 +16,15 @@ from typing import Any
 
 import numpy as np
 
-from tests.verify.check import Check, settled
-from tests.verify.controls import control_arms, rougher, run_mutant, sharper
-from tests.verify.geweke import ACCELERATED, PLAIN, QUANTITIES, Joint, Program, joint_check, run_joint
-from tests.verify.images import by_loops, by_sampler, image_check, mixing_check
-from tests.verify.pictures import plot_images, plot_joint, plot_ranks
-from tests.verify.problems import NAMES
-from tests.verify.sbc import Ranks, control_check, run_arm, standard_arm, uniform_checks
-from tests.verify.station import small_station
-from tests.verify.ways import LADDER, LEVELS
+from tests.statistical.check import Check, settled
+from tests.statistical.controls import control_arms, rougher, run_mutant, sharper
+from tests.statistical.images import by_loops, by_sampler, image_check, mixing_check
+from tests.statistical.joint import ACCELERATED, PLAIN, QUANTITIES, Joint, Program, joint_check, run_joint
+from tests.statistical.pictures import plot_images, plot_joint, plot_ranks
+from tests.statistical.problems import NAMES
+from tests.statistical.sbc import Calibration, control_check, run_arm, standard_arm, uniform_checks
+from tests.statistical.station import small_station
+from tests.statistical.ways import LADDER, LEVELS
 
 ARMS = (("laser", "plain"), ("laser", "tempered"), ("laser", "tiles"), ("sonar", "plain"), ("sonar", "tempered"))
 PARTS = (*(f"{kind}-{way}" for kind, way in ARMS), "joint", "images", "controls")
@@ -33,7 +33,7 @@ IMAGE_RESOLUTION = 0.25
 
 def parser() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
-    found = argparse.ArgumentParser(prog="python -m tests.verify", description=__doc__)
+    found = argparse.ArgumentParser(prog="python -m tests.statistical", description=__doc__)
     found.add_argument("--worlds", type=int, default=200, help="with laser readings, for each way of sampling")
     found.add_argument("--sonar-worlds", type=int, default=100, help="with sonar readings")
     found.add_argument("--joint-chains", type=int, default=80, help="successive-conditional chains of the joint test")
@@ -84,11 +84,12 @@ class Run:
         self.keep_ranks(f"ranks-{kind}-{way}-{seed}", arm.name, found)
         return uniform_checks(arm, found)
 
-    def keep_ranks(self, key: str, name: str, found: Ranks) -> None:
+    def keep_ranks(self, key: str, name: str, found: Calibration) -> None:
         """Plot ranks, and keep them for verify.json."""
         plot_ranks(name, found, self.asked.output / f"{key}.png")
         counted = {name: found.ranks[:, k].tolist() for k, name in enumerate(NAMES)}
-        self.figures[key] = {"ranks": counted, "steps": found.steps.tolist(), "agreed": found.agreed.tolist()}
+        rest = {name: [getattr(world, name) for world in found.worlds] for name in ("steps", "agreed")}
+        self.figures[key] = {"ranks": counted, **rest}
 
     def joint(self, program: Program, seed: int, is_control: bool = False) -> Check:
         """Run both simulators of the joint test."""
