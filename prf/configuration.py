@@ -145,7 +145,7 @@ class Readings(Table):
     skip_scans: str | None = key(None, "", "START:STOP:STEP, all but these scans")
 
     def selection(self) -> dict[str, Any]:
-        """Return which scans and beams to take, as arguments of :func:`prf.readings.thin`."""
+        """Return which scans and beams to take, as arguments of :func:`prf.readings.thinning`."""
         return self.model_dump(include={"every_scan", "every_beam", "scans", "skip_scans"})
 
     def trajectory(self) -> Poses | None:

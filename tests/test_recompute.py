@@ -23,7 +23,7 @@ from prf.model.coloring import Coloring, black_at
 from prf.model.laser import LaserModel
 from prf.model.layout import grow, make_targets, read_coloring
 from prf.model.window import Window
-from prf.readings.driven import STRAIGHT
+from prf.readings.ground import STRAIGHT
 from prf.sampler.posterior import LaserData, Settings, SonarData, make_chain, one_colour_map, return_points
 from prf.sampler.prepare import read_prepared
 from tests.reference.beams import Sensor

@@ -1,17 +1,23 @@
-"""What is in a log: counts, extent, ranges, and what looks suspicious, as `prf info` prints it."""
+"""What is in a log, as `prf info` prints it, and signs that it is not what it seems.
+
+Such signs are jumps, clocks that do not run, ranges that no scanner has. Whether the poses agree with one another over
+loops is not checked, so nothing here means that a log is good.
+"""
 
 from __future__ import annotations
 
+import logging
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from prf.model.laser import unit_vectors
 from prf.model.sonar import SonarModel
 from prf.model.window import LARGEST_RANGE
 from prf.readings.readings import Kind, Readings, ScanTable
-from prf.readings.suspicions import Suspicion, find_suspicions
 from prf.readings.text import FloatArray
 
 MAX_RANGE_SHARE = 0.97
@@ -133,3 +139,167 @@ def _path_length(scans: ScanTable) -> float:
 def _duration(time: FloatArray) -> float:
     known = time[np.isfinite(time)]
     return float(known.max() - known.min()) if len(known) else float("nan")
+
+
+logger = logging.getLogger(__name__)
+
+STEP = 1.0  # metres; a shorter step is never called a jump
+TURN = 1.0  # radians; likewise. Corrected logs turn up to 1.4 rad between scans that are seconds apart
+SPEED = 3.0  # metres a second, and radians a second: beyond what indoor robots do
+FAR_STEP = 5.0  # times the median step: the corrected logs at hand reach 3.4, with scans a metre apart
+FAR_TURN = 1.5  # radians between scans whose time distance is unknown
+MAX_RANGE = 1000.0
+"""Metres. Some drivers write the largest float for "no return", which makes a default maximum range of no use."""
+USUAL_STEP, USUAL_RANGE, USUAL_ECHO = 100.0, 100.0, 20.0
+"""Metres. Half of the steps, returns or echoes beyond them are a log in millimetres or centimetres."""
+MAX_ANGLE = 4 * np.pi  # radians. Beyond it headings are counted over turns at best, in degrees at worst
+
+
+class Suspicion(NamedTuple):
+    """Something to look at: one word for scripts, one sentence, and all scans concerned (none: the whole log)."""
+
+    code: str
+    message: str
+    scans: tuple[int, ...] = ()
+
+
+class _Steps(NamedTuple):
+    """Steps between successive scans of one device; row i leads to scan `number[i]`."""
+
+    number: NDArray[np.int64]
+    distance: FloatArray
+    turn: FloatArray
+    seconds: FloatArray
+
+
+def find_suspicions(readings: Readings) -> tuple[Suspicion, ...]:
+    """Return what looks suspicious in a whole log."""
+    of_poses = (Suspicion("poses", warning) for warning in readings.notes.warnings)
+    return (
+        *of_poses,
+        *find_spoiling(readings),
+        *_clock(readings.notes.scans),
+        *_dropped(readings),
+        *_odd_lines(readings),
+    )
+
+
+def find_spoiling(readings: Readings) -> tuple[Suspicion, ...]:
+    """Return what of it would spoil a map: wrong units, and poses that jump."""
+    return (*_jumps(readings.notes.scans), *_ranges(readings), *_angles(readings))
+
+
+def warn_of_spoiling(readings: Readings, used: Readings, kind: Kind, max_range: float | None) -> None:
+    """Log a warning of each sign that a map of these readings would be spoilt.
+
+    `readings`: the whole log. `used`: what is used of it: jumps before its first scan or after its last do no harm.
+    `kind`: what the readings were given as. `max_range`: metres, if it need not be taken from the log.
+    """
+    first, last = (int(used.scan.min()), int(used.scan.max())) if used.n_beams else (0, 0)
+    for code, message, scans in find_spoiling(readings):
+        is_elsewhere = bool(scans) and not any(first < number <= last for number in scans)
+        if not is_elsewhere and not (code == "largest-range" and max_range is not None):
+            logger.warning(f"{readings.source}: {message}")
+    if kind == "laser" and readings.cone.any():
+        logger.warning(f"{readings.source}: has opening angles (cone) as of a sonar: should it be given as --sonar?")
+
+
+def _steps(scans: ScanTable, device: int) -> _Steps:
+    rows = np.flatnonzero(scans.device == device)
+    change = np.diff(scans.pose[rows], axis=0)
+    turn = np.abs(np.angle(np.exp(1j * change[:, 2])))
+    return _Steps(scans.number[rows[1:]], np.hypot(change[:, 0], change[:, 1]), turn, np.diff(scans.time[rows]))
+
+
+def _usual_step(steps: _Steps) -> float:
+    moving = steps.distance[steps.distance > 0.01]
+    return float(np.median(moving)) if len(moving) else 0.0
+
+
+def _are_far(steps: _Steps) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Return which steps lead too far away, and which turn too far."""
+    timed = steps.seconds > 0
+    reach = SPEED * np.where(timed, steps.seconds, np.inf)
+    moved = (steps.distance > np.maximum(STEP, reach)) | (steps.distance > max(STEP, FAR_STEP * _usual_step(steps)))
+    turned = (steps.turn > np.maximum(TURN, reach)) | (~timed & (steps.turn > FAR_TURN))
+    return moved, turned
+
+
+def _jumps(scans: ScanTable) -> Iterator[Suspicion]:
+    for device in np.unique(scans.device):
+        steps = _steps(scans, int(device))
+        usual = _usual_step(steps)
+        moved, turned = _are_far(steps)
+        if usual > USUAL_STEP:
+            text = f"half of the steps from scan to scan are above {usual:g} m: are the positions in millimetres?"
+            yield Suspicion("pose-unit", text)
+        elif moved.any() or turned.any():
+            numbers = tuple(int(n) for n in steps.number[moved | turned])
+            sizes = ((steps.distance, moved, ".1f", "m"), (np.degrees(steps.turn), turned, ".0f", "degrees"))
+            far = " and ".join(_largest(steps, *size) for size in sizes if size[1].any())
+            yield Suspicion("pose-jump", f"the pose jumps before {_list(numbers, 'scan')}, the largest {far}", numbers)
+
+
+def _largest(steps: _Steps, size: FloatArray, chosen: NDArray[np.bool_], form: str, unit: str) -> str:
+    """Return the largest of the chosen steps in words."""
+    worst = int(np.argmax(np.where(chosen, size, -1.0)))
+    return f"by {size[worst]:{form}} {unit} at scan {steps.number[worst]}"
+
+
+def _clock(scans: ScanTable) -> Iterator[Suspicion]:
+    time = scans.time
+    if np.isnan(time).all():
+        return
+    change = np.diff(time)
+    back = tuple(int(n) for n in scans.number[1:][change < 0])
+    tied = int(np.count_nonzero((change == 0) & (np.diff(scans.device) == 0)))
+    if back:
+        yield Suspicion("time-backward", f"the clock runs backward before {_list(back, 'scan')}", back)
+    if tied:
+        yield Suspicion("time-tied", f"{tied} of {len(change)} scans have the time stamp of the scan before")
+
+
+def _ranges(readings: Readings) -> Iterator[Suspicion]:
+    finite = readings.range[np.isfinite(readings.range)]
+    if not len(finite):
+        return
+    usual = float(np.quantile(finite, 0.5, method="lower"))
+    if usual > (USUAL_ECHO if readings.cone.any() else USUAL_RANGE):
+        yield Suspicion("range-unit", f"half of the ranges are above {usual:g} m: are they in millimetres?")
+    elif (largest := float(finite.max())) > MAX_RANGE:
+        yield Suspicion("largest-range", f"the largest range is {largest:g} m: give the maximum range yourself")
+
+
+def _angles(readings: Readings) -> Iterator[Suspicion]:
+    turned = readings.angle[readings.angle != 0.0]
+    largest = float(np.abs(turned).max(initial=0.0))
+    are_whole = len(turned) > 0 and float(np.mean(turned == np.round(turned))) > 0.5
+    if largest > MAX_ANGLE or (largest > 2 * np.pi and are_whole):
+        yield Suspicion("angle", f"directions reach {largest:g} rad: are they in degrees?")
+
+
+def _dropped(readings: Readings) -> Iterator[Suspicion]:
+    zero, invalid = readings.notes.n_zero_ranges, readings.notes.n_invalid
+    n_beams = zero + invalid + readings.n_beams
+    if zero:
+        yield Suspicion("zero-range", f"{zero} beams ({zero / n_beams:.2%}) have range 0, an error code: dropped")
+    if invalid:
+        text = f"{invalid} beams ({invalid / n_beams:.2%}) have a range that is no number or too short: dropped"
+        yield Suspicion("invalid-range", text)
+    if np.isnan(readings.largest_range):
+        yield Suspicion("no-return", "no beam has a finite range: there is no maximum range to take from this log")
+
+
+def _odd_lines(readings: Readings) -> Iterator[Suspicion]:
+    odd = readings.notes.odd_lines
+    if odd:
+        kinds = ", ".join(f"{n} {kind}" for kind, n in sorted(odd.items(), key=lambda item: -item[1])[:5])
+        yield Suspicion("odd-line", f"lines of unknown kinds were skipped: {kinds}")
+
+
+def _list(numbers: tuple[int, ...], word: str, most: int = 8) -> str:
+    """Return ``scan 5`` or ``scans 5, 8, ... (12 in all)``."""
+    shown = ", ".join(map(str, numbers[:most]))
+    if len(numbers) == 1:
+        return f"{word} {shown}"
+    return f"{word}s {shown}" + (f" ... ({len(numbers)} in all)" if len(numbers) > most else "")

@@ -20,7 +20,7 @@ from prf.model.sonar import SonarModel, make_cones, make_poses
 from prf.model.window import Window
 from prf.poses.model import PoseModel
 from prf.readings import PointTable, Readings
-from prf.readings.driven import way_guards
+from prf.readings.ground import way_guards
 
 Floats = NDArray[np.float64]
 
@@ -113,9 +113,9 @@ class Settings:
     # tiles in which a chain is updated at once (docs/large-jobs.md); 0: it is updated in one place after the other
     tiles: int = 0
     join_reach: float | None = None
-    # (ny, nx): cells of the image that readings crossed or ended in (:mod:`prf.readings.seen`); None: all
+    # (ny, nx): cells of the image that readings crossed or ended in (:mod:`prf.readings.ground`); None: all
     seen: NDArray[np.bool_] | None = None
-    # (k, 4): pieces of the way that was driven (:func:`prf.readings.driven.way_of`), metres
+    # (k, 4): pieces of the way that was driven (:func:`prf.readings.ground.way_of`), metres
     way: Floats = dataclasses.field(default_factory=lambda: np.zeros((0, 4)))
     driven_radius: float = 0.0  # of the disc that was free all along it, metres
     poses: PoseModel | None = None  # uncertain ones; readings are then those at the poses where chains start

@@ -13,25 +13,20 @@ from numpy.typing import NDArray
 
 from prf.configuration import Configuration
 from prf.model.domain import check_length
-from prf.model.laser import unit_vectors
 from prf.model.points import window_round
 from prf.model.window import Window
 from prf.poses.model import PoseModel, pose_model
 from prf.poses.start import find_start
 from prf.readings import Kind, PointTable, Readings, read_logs, read_point_data, thin, warn_of_spoiling
 from prf.readings.describe import default_max_range
+from prf.readings.ground import chosen_window, driven_way, seen_cells
 from prf.readings.poses import fields_of_view
 from prf.readings.thinning import thin_beams
-from prf.sampler.ground import driven_way, seen_cells
 from prf.sampler.posterior import LaserData, PointData, Settings, SonarData
 from prf.sampler.tempering import AUTO_TEMPERATURES, LadderPlan
 from prf.sampler.tiles.partition import chosen_tiles
 from prf.shell.errors import ConfigError, InputError
 
-KEPT_RETURNS = 0.995
-"""Share of the returns that the default window holds at least."""
-MARGIN = 1.0
-"""Metres between them and the border of the default window."""
 PIXELS_ACROSS = 500
 """The default resolution is the next of 1, 2, 5, 10 ... that needs no more pixels along the longer side."""
 MOST_PIXELS = 4_000_000
@@ -297,26 +292,6 @@ def make_settings(
         tiles=config.sampler.tiles or 0,
         driven_radius=config.driven.radius,
     )
-
-
-def chosen_window(
-    requested: Sequence[float] | None,
-    origin: NDArray[np.float64],
-    angle: NDArray[np.float64],
-    ranges: NDArray[np.float64],
-) -> Window:
-    """Return the window requested, or one round all sensors and 99.5 % of the returns."""
-    if requested is not None:
-        return Window.checked(*requested)
-    hit = np.isfinite(ranges)
-    ends = origin[hit] + ranges[hit, None] * unit_vectors(angle[hit])
-    low, high = origin.min(axis=0), origin.max(axis=0)
-    if len(ends) > 0:
-        # A quarter of what may be left out on each of the four sides.
-        tail = (1.0 - KEPT_RETURNS) / 4.0
-        low = np.minimum(low, np.quantile(ends, tail, axis=0, method="lower"))
-        high = np.maximum(high, np.quantile(ends, 1.0 - tail, axis=0, method="higher"))
-    return Window.checked(*(low - MARGIN).tolist(), *(high + MARGIN).tolist())
 
 
 def chosen_resolution(window: Window) -> float:

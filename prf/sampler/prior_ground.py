@@ -26,7 +26,7 @@ from prf.kernels.state.guards import GUARD_BOX, N_SHAPE
 from prf.kernels.step import run
 from prf.model.coloring import Coloring
 from prf.model.layout import grow, make_guards, make_index
-from prf.readings.driven import way_guards
+from prf.readings.ground import way_guards
 from prf.sampler.chain_map import repaint, settle_image
 from prf.sampler.posterior import Settings, make_chain
 

@@ -24,7 +24,7 @@ from prf.model.coloring import Coloring, from_polygons, occupied_polygons
 from prf.model.laser import unit_vectors, window_exit
 from prf.model.layout import read_coloring, run_chain
 from prf.model.window import Window
-from prf.readings.driven import cleared
+from prf.readings.ground import cleared
 from prf.sampler.chain_map import occupied_cost
 from prf.sampler.posterior import LaserData, Settings, make_chain, one_colour_map, white_places
 from prf.shell.errors import ConfigError, InputError

@@ -12,7 +12,7 @@ from prf.kernels import constants as c
 from prf.kernels.poses import warp as w
 from prf.model.coloring import Coloring, black_at, violations
 from prf.model.layout import make_guards, read_coloring
-from prf.readings.driven import way_guards
+from prf.readings.ground import way_guards
 from tests.reference.pose_worlds import BARE, DRIVEN, PoseWorld, begin, draw_pose_world, scratch
 from tests.reference.recompute import cell_lists, recompute_edge_cells, recompute_log_prior
 

@@ -13,8 +13,7 @@ from prf.model.laser import LaserModel
 from prf.model.layout import make_guards
 from prf.model.window import Window
 from prf.readings import Readings
-from prf.readings.driven import LONGEST_JOIN, STRAIGHT, cleared, way_guards, way_of, ways_near
-from prf.sampler.ground import sensor_tracks
+from prf.readings.ground import LONGEST_JOIN, STRAIGHT, cleared, sensor_tracks, way_guards, way_of, ways_near
 from prf.sampler.posterior import LaserData, Settings, make_chain
 from prf.sampler.prepare import prepare
 from prf.sampler.starts import contour_map, find_start_map, map_of_region

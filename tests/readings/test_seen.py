@@ -7,7 +7,7 @@ import shapely
 
 from prf.model.layout import image_grid
 from prf.model.window import Window
-from prf.readings.seen import seen_by_beams, seen_by_cones
+from prf.readings.ground import seen_by_beams, seen_by_cones
 from tests.reference.slow_sonar import Cone, reach_in
 
 WINDOW = Window(-2.0, 1.0, 6.0, 7.0)

@@ -6,10 +6,10 @@ import logging
 import numpy as np
 import pytest
 
+from prf.readings.describe import find_spoiling, warn_of_spoiling
 from prf.readings.readings import Readings
-from prf.readings.suspicions import find_spoiling, warn_of_spoiling
 from prf.readings.table import read_table
-from prf.readings.thin import thin
+from prf.readings.thinning import thin
 from tests.readings.test_describe import drive, straight, summary_of
 
 

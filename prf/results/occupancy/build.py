@@ -20,8 +20,8 @@ from prf.model.layout import image_grid
 from prf.model.window import Window
 from prf.readings import Kind, Readings, thin, warn_of_spoiling
 from prf.readings.describe import default_max_range
+from prf.readings.ground import chosen_window
 from prf.results.occupancy.grid import OccupancyGrid
-from prf.sampler.prepare import chosen_window
 from prf.shell.cli.settings import Loaded
 from prf.shell.errors import ConfigError, InputError
 

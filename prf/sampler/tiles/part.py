@@ -31,7 +31,7 @@ from prf.model.laser import MARGIN, make_beams
 from prf.model.layout import bare_graph, make_guards, make_index, make_proposal, make_sites
 from prf.model.sonar import make_cones
 from prf.model.window import Window
-from prf.readings.driven import ways_near
+from prf.readings.ground import ways_near
 from prf.sampler.posterior import FIRST_CAPACITY, FIRST_CELL_ROOM, PointData, painted_points
 from prf.sampler.tiles.rounds import Round, TileData, tiles_at
 

@@ -20,7 +20,7 @@ from prf.model.laser import LaserModel
 from prf.model.layout import make_targets, read_coloring
 from prf.model.sonar import SonarModel
 from prf.model.window import INTERIOR
-from prf.readings.driven import way_guards
+from prf.readings.ground import way_guards
 from prf.sampler.posterior import (
     BORDER_MOVES,
     NO_LASER,
