@@ -15,7 +15,7 @@ from mapq.labels import FROM_FIELD, NO_PATCH, PLAUSIBLE
 from mapq.patches import Patches, label_from_field
 from mapq.posed import FindSettings, PosedScans, find_scans
 from mapq.segmentation import segment
-from prf.shell.poses.trajectory import read_trajectory
+from prf.shell.poses.files import read_pose_file
 
 DATA = ROOT.parent / "shared" / "data" / "mapq"
 FEWEST_POINTS = 5000
@@ -84,7 +84,7 @@ def facade(data: Path) -> PosedScans:
     """Return two scans of a building with their registered poses; unregistered they are half a metre apart."""
     folder = data / "small_gicp_pair"
     files = (str(folder / "target.ply"), str(folder / "source.ply"))
-    poses = np.stack([np.eye(4), read_trajectory(str(folder / "T_target_source.txt")).poses[0]])
+    poses = np.stack([np.eye(4), read_pose_file(str(folder / "T_target_source.txt")).poses[0]])
     return PosedScans(files, poses, None, lambda number: read_cloud(files[number]), np.arange(2), str(folder))
 
 

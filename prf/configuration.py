@@ -13,12 +13,12 @@ from prf.model.points import PointModel
 from prf.model.sonar import SonarModel
 from prf.model.window import LARGEST_RANGE, Window
 from prf.poses.model import ODOMETRY
-from prf.readings import CONE, Poses, read_poses
-from prf.readings.posed import GAP
+from prf.readings import CONE, GivenPoses, read_poses
+from prf.readings.poses import GAP
 from prf.readings.thinning import BEAM_DENSITY
 from prf.shell.cli.settings import NOTHING, Loaded, Table, Tree, build, key, load_options
 from prf.shell.errors import ConfigError
-from prf.shell.poses.trajectory import Order
+from prf.shell.poses.files import Order
 
 DrivenPoses = Literal["used", "all"]
 Start = Literal["empty", "grid", "prior"]
@@ -148,7 +148,7 @@ class Readings(Table):
         """Return which scans and beams to take, as arguments of :func:`prf.readings.thinning`."""
         return self.model_dump(include={"every_scan", "every_beam", "scans", "skip_scans"})
 
-    def trajectory(self) -> Poses | None:
+    def trajectory(self) -> GivenPoses | None:
         """Return the poses of the file with how they belong to scans; None if there is none."""
         if self.poses is None:
             return None

@@ -26,7 +26,7 @@ from mapq.io.fields import (
 from mapq.io.options import ReadOptions
 from prf.shell.errors import ConfigError, InputError
 from prf.shell.poses.bag import Bag, Message, bag_in, open_bag, seconds
-from prf.shell.poses.tf import Rigid, Tree, frame_name, turned
+from prf.shell.poses.tf import FrameTree, Rigid, frame_name, turned
 
 logger = logging.getLogger(__name__)
 
@@ -156,7 +156,7 @@ def _poses(bag: Bag, scans: list[_Scan], named: str | None) -> Rigid | None:
     fixed = frame_name(named or FIXED)
     if frames == {fixed} or (len(scans) == 1 and named is None):
         return None
-    tree = Tree()
+    tree = FrameTree()
     tree.add_messages(bag.messages(bag.of_type(*TF_TYPES)))
     m = len(scans)
     found = Rigid(np.zeros((m, 3)), np.tile([0.0, 0.0, 0.0, 1.0], (m, 1)), np.ones(m, bool))

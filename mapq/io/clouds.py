@@ -28,7 +28,7 @@ from mapq.io.uos import read_uos
 from prf.shell.cli.files import STREAM
 from prf.shell.errors import InputError
 from prf.shell.poses.bag import bag_suffix
-from prf.shell.poses.rows import slam_state
+from prf.shell.poses.files import slam_state
 
 Format = Literal["ply", "pcd", "las", "e57", "ptx", "npy", "npz", "3d", "kitti", "bag", "text"]
 

@@ -23,7 +23,7 @@ from mapq.posed.match import match_poses, times_of, with_poses_at
 from mapq.posed.poses import laser_poses, looks_ahead, read_calibration
 from mapq.posed.scans import PosedScans
 from prf.shell.errors import InputError, UsageError
-from prf.shell.poses.trajectory import Order, Trajectory, check_rotations, read_trajectory
+from prf.shell.poses.files import Order, PoseFile, check_rotations, read_pose_file
 
 logger = logging.getLogger(__name__)
 
@@ -47,7 +47,7 @@ class FindSettings:
     pattern : str or None
         Which files of a folder are scans, such as ``planes_*.bin``.
     quaternion : {"xyzw", "wxyz"} or None
-        See :func:`prf.shell.poses.trajectory.read_trajectory`.
+        See :func:`prf.shell.poses.files.read_pose_file`.
     frame : {"sensor", "map"} or None
         Of the points. In the frame of the map poses only say where the sensor was. None: that of the sensor; of PCD
         whose VIEWPOINT has the poses, the one that fits.
@@ -95,7 +95,7 @@ def find_scans(inputs: Sequence[str], settings: FindSettings | None = None) -> P
     if path is None:
         poses, frame = _own_poses(files, kinds)
         return _listed(files, poses, None, replace(settings, frame=settings.frame or frame))
-    table = with_poses_at(read_trajectory(path, settings.quaternion, QUATERNION_KEY), files)
+    table = with_poses_at(read_pose_file(path, settings.quaternion, QUATERNION_KEY), files)
     rows = match_poses(files, table, path)
     times = table.times if table.times is not None else _times_beside(path, files[0], len(table.poses))
     poses, lost = _sensor_poses(table, path, files, settings), [Path(files[k]).name for k in np.flatnonzero(rows < 0)]
@@ -153,9 +153,9 @@ def replace_poses(scans: PosedScans, path: str, settings: FindSettings) -> Posed
     Raises
     ------
     InputError
-        As :func:`prf.shell.poses.trajectory.read_trajectory`, and if poses and scans do not fit.
+        As :func:`prf.shell.poses.files.read_pose_file`, and if poses and scans do not fit.
     """
-    table = with_poses_at(read_trajectory(path, settings.quaternion, QUATERNION_KEY), scans.names)
+    table = with_poses_at(read_pose_file(path, settings.quaternion, QUATERNION_KEY), scans.names)
     rows = match_poses(scans.names, table, path)
     if rows.min() < 0:
         raise InputError(f"{path}: no pose for {scans.names[int(rows.argmin())]}. Give one for each scan.")
@@ -163,7 +163,7 @@ def replace_poses(scans: PosedScans, path: str, settings: FindSettings) -> Posed
 
 
 def _sensor_poses(
-    table: Trajectory, path: str, names: Sequence[str], settings: FindSettings, is_reference: bool = False
+    table: PoseFile, path: str, names: Sequence[str], settings: FindSettings, is_reference: bool = False
 ) -> NDArray[np.float64]:
     """Return the poses (n, 4, 4) of a file as those of the sensor: KITTI's are those of a camera.
 

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from mapq.posed.files import number_of, stamp_of, stem_of
 from prf.shell.errors import InputError
-from prf.shell.poses.trajectory import Trajectory, interpolate, rigid
+from prf.shell.poses.files import PoseFile, interpolate, rigid
 
 SAME_TIME = 1e-3
 """Seconds within which the name of a scan is the time of a pose: either may have been rounded."""
@@ -27,7 +27,7 @@ def times_of(names: Sequence[str]) -> Floats | None:
     return None if None in stamps else np.array(stamps, np.float64)
 
 
-def with_poses_at(table: Trajectory, names: Sequence[str]) -> Trajectory:
+def with_poses_at(table: PoseFile, names: Sequence[str]) -> PoseFile:
     """Return the poses in the order of time, and one more at the time of each scan that lies between close ones."""
     stamps = times_of(names)
     if table.times is None or stamps is None or table.names is not None:
@@ -47,7 +47,7 @@ def with_poses_at(table: Trajectory, names: Sequence[str]) -> Trajectory:
     )
 
 
-def match_poses(names: Sequence[str], table: Trajectory, path: str) -> NDArray[np.int64]:
+def match_poses(names: Sequence[str], table: PoseFile, path: str) -> NDArray[np.int64]:
     """Return the row (k,) of the table that is the pose of each scan, -1 where there is none of its time or name.
 
     Scans whose names are times are matched by time, where the table has times; else by the names of the table, or the
@@ -77,7 +77,7 @@ def match_poses(names: Sequence[str], table: Trajectory, path: str) -> NDArray[n
     return np.array(rows, np.int64)
 
 
-def _by_time(names: Sequence[str], table: Trajectory) -> NDArray[np.int64] | None:
+def _by_time(names: Sequence[str], table: PoseFile) -> NDArray[np.int64] | None:
     """Return the rows of scans that are named after times; None if none of these is that of a pose."""
     stamps = times_of(names)
     if table.times is None or stamps is None:
@@ -89,7 +89,7 @@ def _by_time(names: Sequence[str], table: Trajectory) -> NDArray[np.int64] | Non
     return np.where(near, nearest, -1) if near.any() else None
 
 
-def _by_name(names: Sequence[str], table: Trajectory) -> NDArray[np.int64] | None:
+def _by_name(names: Sequence[str], table: PoseFile) -> NDArray[np.int64] | None:
     """Return the rows of scans whose files, or their stems, the table names; None if it names none."""
     named = [Path(name).name for name in table.names or ()]
     known = {stem_of(name): row for row, name in enumerate(named)} | {name: row for row, name in enumerate(named)}

@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 from mapq.io.content import Content
 from mapq.posed.scans import driven
 from prf.shell.errors import InputError
-from prf.shell.poses.rows import numbers
-from prf.shell.poses.trajectory import LAYOUTS, matrix_poses
+from prf.shell.poses.files import matrix_poses, numbers
 
 Floats = NDArray[np.float64]
 
@@ -28,7 +27,7 @@ def read_calibration(path: str) -> Floats:
         name, _, rest = line.partition(":")
         if name.strip() in CALIBRATION_ROWS:
             where = [f"{path}:{number}"]
-            values = numbers([rest.split()], where, LAYOUTS)
+            values = numbers([rest.split()], where)
             if values.shape != (1, 12):
                 raise InputError(f"{where[0]}: not the 12 numbers of a 3x4 matrix. Give a calib.txt of KITTI.")
             return np.asarray(matrix_poses(values, where)[0])

@@ -5,21 +5,21 @@ from __future__ import annotations
 from prf.readings.describe import LogSummary, describe, warn_of_spoiling
 from prf.readings.open import log_stem, read_logs, read_readings
 from prf.readings.points import PointSummary, PointTable, describe_points, read_point_data
-from prf.readings.posed import Poses, read_poses
-from prf.readings.poses import CONE
+from prf.readings.poses import GivenPoses, read_poses
 from prf.readings.readings import Kind, LogNotes, NoReadings, Readings, ScanTable
+from prf.readings.robot import CONE
 from prf.readings.table import write_table
 from prf.readings.thinning import thin
 
 __all__ = [
     "CONE",
+    "GivenPoses",
     "Kind",
     "LogNotes",
     "LogSummary",
     "NoReadings",
     "PointSummary",
     "PointTable",
-    "Poses",
     "Readings",
     "ScanTable",
     "describe",

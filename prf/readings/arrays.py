@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from prf.readings.points import PointTable
-from prf.readings.poses import CONE
 from prf.readings.readings import LogNotes, Readings
+from prf.readings.robot import CONE
 from prf.readings.text import DOMAINS
 from prf.shell.errors import ArgumentError
 

@@ -18,12 +18,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from prf.readings.poses import spread
 from prf.readings.readings import Kind, LogNotes, NoReadings, Readings, Scan, assemble
+from prf.readings.robot import spread
 from prf.readings.text import FloatArray
 from prf.shell.errors import ConfigError, InputError
 from prf.shell.poses.bag import Bag, Message, open_bag, seconds
-from prf.shell.poses.tf import Rigid, Tree, frame_name, turned
+from prf.shell.poses.tf import FrameTree, Rigid, frame_name, turned
 
 FIXED = "map"
 
@@ -67,7 +67,7 @@ def read_bag(
 
     Parameters as of :func:`prf.readings.read_readings`. `topic` may be several with commas; default the only LaserScan
     topic, or all Range topics, since each transducer of a ring usually has its own. `on_robot`: see
-    :mod:`prf.readings.posed`; then `frame` is the one that the poses are of, default the robot's.
+    :mod:`prf.readings.poses`; then `frame` is the one that the poses are of, default the robot's.
     """
     with open_bag(path, source) as bag:
         kind, topics = _topics(bag, kind, topic)
@@ -75,7 +75,7 @@ def read_bag(
         raws = [raw for raw in raws if len(raw.ranges)]
         if not raws:
             raise NoReadings(f"{source}: the messages of {', '.join(topics)} are empty.")
-        tree = Tree()
+        tree = FrameTree()
         tree.add_messages(bag.messages(bag.of_type(*TF_TYPES)))
         sensor, warning = raws[0].frame, ""
         if on_robot:
@@ -151,7 +151,7 @@ def _raw(kind: Kind, message: Message, source: str, cone: float) -> _Raw:
     return _Raw(message.topic, frame_name(header.frame_id), time, bearing, ranges, opening, top, has_number)
 
 
-def _best_frame(tree: Tree, bag: Bag, sensor: str) -> tuple[str, str]:
+def _best_frame(tree: FrameTree, bag: Bag, sensor: str) -> tuple[str, str]:
     """Return the fixed frame or the topic of poses to take unasked, and what to warn of; the best if there are more."""
     if tree.chain(FIXED, sensor) is not None:
         return FIXED, ""
@@ -171,7 +171,7 @@ def _best_frame(tree: Tree, bag: Bag, sensor: str) -> tuple[str, str]:
     return best, warning + (f"; --frame can choose {', '.join(name for _, name in others)}" if others else "")
 
 
-def _robot_frame(tree: Tree, sensor: str, frame: str | None, source: str) -> str:
+def _robot_frame(tree: FrameTree, sensor: str, frame: str | None, source: str) -> str:
     """Return the frame that poses of a file are of: as asked, else the robot's that carries the sensor."""
     held = tree.rigid_above(sensor)
     if frame is None:
@@ -186,7 +186,7 @@ def _robot_frame(tree: Tree, sensor: str, frame: str | None, source: str) -> str
     return name
 
 
-def _add_poses(tree: Tree, bag: Bag, topic: str, sensor: str) -> None:
+def _add_poses(tree: FrameTree, bag: Bag, topic: str, sensor: str) -> None:
     """Hang the frame whose pose messages give below a frame of the topic's name: the robot's, unless they name it."""
     child = ""
     for message in bag.messages([topic]):
@@ -200,13 +200,13 @@ def _add_poses(tree: Tree, bag: Bag, topic: str, sensor: str) -> None:
         tree.add(topic, child, time, (pose.position, pose.orientation), is_static=False)
 
 
-def _moving_frame(tree: Tree, parent: str, sensor: str) -> str:
+def _moving_frame(tree: FrameTree, parent: str, sensor: str) -> str:
     """Return the frame that odometry without a child frame (Stage's) means: the next after `parent` to the sensor."""
     steps = tree.chain(parent, sensor)
     return steps[0][1] if steps else ""
 
 
-def _place(raws: list[_Raw], tree: Tree, bag: Bag, fixed: str) -> tuple[list[Scan], list[str]]:
+def _place(raws: list[_Raw], tree: FrameTree, bag: Bag, fixed: str) -> tuple[list[Scan], list[str]]:
     """Return the scans whose pose is known, in the order of the messages, and remarks."""
     scans: list[Scan | None] = [None] * len(raws)
     several_frames = len({raw.frame for raw in raws}) > len({raw.topic for raw in raws})
@@ -242,7 +242,7 @@ def _scan(raw: _Raw, device: str, number: int, poses: Rigid, row: int, ahead: Fl
     return Scan(device, number + 1, raw.time, pose, where, angle, raw.ranges, raw.cone)
 
 
-def _unfixed(tree: Tree, bag: Bag, fixed: str, sensor: str) -> str:
+def _unfixed(tree: FrameTree, bag: Bag, fixed: str, sensor: str) -> str:
     """Return why the sensor has no pose, and what could be chosen."""
     roots, topics = tree.roots_above(sensor), bag.of_type(*POSES)
     has = f"tf leads from {sensor!r} up to {', '.join(map(repr, roots))}" if roots else f"tf has no {sensor!r}"

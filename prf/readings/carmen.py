@@ -36,8 +36,9 @@ from prf.readings.carmen_lines import (
     parse_laser,
     parse_sonar,
 )
-from prf.readings.poses import CONE, QUARTER_DEGREES, Track, mounted, ring_of, seen_from
+from prf.readings.poses import Track
 from prf.readings.readings import Kind, LogNotes, NoReadings, OwnPoses, Readings, Scan, assemble
+from prf.readings.robot import CONE, QUARTER_DEGREES, mounted, ring_of, seen_from
 from prf.readings.text import FloatArray, floats, parse_lines
 from prf.shell.errors import ConfigError, InputError
 

@@ -18,8 +18,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from prf.readings.poses import plain_bearings, spread
 from prf.readings.readings import Scan
+from prf.readings.robot import plain_bearings, spread
 from prf.readings.text import FloatArray, expect_length, floats
 
 PLAIN_LASERS = ("FLASER", "RLASER")

@@ -14,15 +14,15 @@ from typing import Literal
 from prf.readings.bag import read_bag
 from prf.readings.carmen import KNOWN_KINDS, read_carmen
 from prf.readings.player import read_player
-from prf.readings.posed import Poses, placed
-from prf.readings.poses import CONE
+from prf.readings.poses import GivenPoses, placed
 from prf.readings.readings import Kind, OwnPoses, Readings
+from prf.readings.robot import CONE
 from prf.readings.table import REQUIRED, read_table
 from prf.readings.text import BYTE_ORDER_MARK, column_names, decompress
 from prf.shell.cli.files import STREAM, open_input
 from prf.shell.errors import ConfigError, InputError
 from prf.shell.poses.bag import HEAD, bag_in, bag_suffix
-from prf.shell.poses.rows import slam_state
+from prf.shell.poses.files import slam_state
 
 Format = Literal["carmen", "player", "table"]
 
@@ -73,7 +73,7 @@ def read_readings(
     topic: str | None = None,
     frame: str | None = None,
     cone: float = CONE,
-    poses: Poses | None = None,
+    poses: GivenPoses | None = None,
     odometry: bool = False,
 ) -> Readings:
     """Read the readings of one kind of sensor from a log; the format is recognised from the content.
@@ -136,7 +136,7 @@ def read_logs(
     frame: str | None = None,
     sonar_topic: str | None = None,
     cone: float = CONE,
-    poses: Poses | None = None,
+    poses: GivenPoses | None = None,
     odometry: bool = False,
 ) -> tuple[Readings | None, Readings | None]:
     """Read the log of a laser, of a sonar or of both; None for a sensor without log.

@@ -32,8 +32,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from prf.readings.poses import Track, mounted, ring_of, spread
+from prf.readings.poses import Track
 from prf.readings.readings import Kind, LogNotes, NoReadings, Readings, Scan, assemble
+from prf.readings.robot import mounted, ring_of, spread
 from prf.readings.text import FloatArray, Parsed, content_lines, expect_length, floats, parse_lines
 from prf.shell.errors import ConfigError, InputError
 
@@ -105,7 +106,7 @@ def read_player(
     """Read the readings of a Player log, decompressed; parameters as of :func:`prf.readings.read_readings`.
 
     `device` is one such as ``laser:1`` (default all of the kind), `frame` the position device that gives the robot's
-    pose, such as ``position2d:1`` (default the first in the file). `on_robot`: see :mod:`prf.readings.posed`.
+    pose, such as ``position2d:1`` (default the first in the file). `on_robot`: see :mod:`prf.readings.poses`.
     """
     lines = parse_lines(_parse_line, content_lines(data), source)
     present = {line.interface for line in lines if line.is_reading}

@@ -1,30 +1,38 @@
-"""Where sensors are and look: poses over a log, what is mounted on a robot, beams of a scan, rings of transducers."""
+"""Poses of the scans of a log: from lines of the log itself, or from a file (``--poses``) where it has none or worse.
+
+For poses of a file a log is read on the robot first: its beams then begin and point as they do on what carries the
+sensor, and the place of the sensor there stands in `ScanTable.pose`. The poses of the file put it into the world.
+
+Scans are matched by time where both have clocks: the pose is interpolated between the two round the scan, linearly and
+along the shorter turn, unless these lie farther apart than `gap`; scans outside are dropped and counted. Without times,
+or if the two clocks share no second, pose i is that of scan i, and there must be as many of one as of the other.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import lru_cache
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
-from prf.readings.readings import Readings
+from prf.readings.readings import Readings, ScanTable
+from prf.readings.robot import mounted
 from prf.readings.text import FloatArray, IntArray, check_domains
+from prf.shell.cli.files import STREAM
 from prf.shell.errors import ConfigError, InputError
+from prf.shell.poses.files import Order, PoseFile, in_seconds, interpolate, read_pose_file, rigid
 from prf.shell.poses.tf import HOLD
 
 MAX_TIES = 0.1  # share of equal time stamps up to which a clock is fine enough to interpolate by it
-CONE = 0.349  # radians. Full opening angle of a sonar whose log has none: 20 degrees
-QUARTER_DEGREES = (400, 401)  # beams of a scan over 100 degrees in steps of a quarter of a degree
-
-_LEFT_FRONT = ((0.115, 0.130, 1.5708), (0.155, 0.115, 0.8727), (0.190, 0.080, 0.5236), (0.210, 0.025, 0.1745))
-_FRONT = (*_LEFT_FRONT, *((x, -y, -turn) for x, y, turn in reversed(_LEFT_FRONT)))
-_BACK = tuple((-x, -y, turn - np.copysign(np.pi, turn)) for x, y, turn in _FRONT)
-
-PIONEER = np.array((*_FRONT, *_BACK))
-"""(16, 3): position in metres and heading in radians of the transducers of a Pioneer 2 on the robot, clockwise from the
-left. A robot with the front array alone has the first 8. As the Player server writes them, to 0.1 mrad."""
+GAP = 2.0  # seconds between poses, up to which a robot is taken to go straight from one to the next
+SAME_TIME = 0.01  # seconds: a scan so near to a pose has it, since files round their times
+FEW = 0.002  # share of scans that a trajectory of another clock or in another unit places by chance
+CLIMB = 1.0  # metres upward, as no robot on one floor goes; of a camera z is ahead
+TILT, LYING = np.cos(np.radians(5.0)), np.cos(np.radians(45.0))
+"""Upward share of a z axis below which a remark is due, and below which poses are those of a camera or the like."""
 
 
 class Track(NamedTuple):
@@ -81,59 +89,164 @@ class Track(NamedTuple):
         return found, (time >= stamps[0] - HOLD) & (time <= stamps[-1] + HOLD)
 
 
-def mounted(robot: FloatArray, mount: FloatArray) -> FloatArray:
-    """Return the world pose of something mounted on a robot.
+@dataclass(frozen=True)
+class GivenPoses:
+    """GivenPoses for the scans of a log, and how they belong to them.
 
-    `robot` (3,): pose of the robot in the world, metres and radians. `mount` (3,) or (k, 3): poses in the robot's
-    frame.
+    `mount`: x, y and theta of the sensor (of a ring of sonars: of the robot) in the frame of the poses; None: as the
+    log has it. `gap`: seconds, `GAP`. `offset`: seconds added to the times of the poses.
     """
-    cosine, sine = np.cos(robot[2]), np.sin(robot[2])
-    x, y = mount[..., 0], mount[..., 1]
-    return np.stack(
-        (robot[0] + cosine * x - sine * y, robot[1] + sine * x + cosine * y, robot[2] + mount[..., 2]), axis=-1
+
+    trajectory: PoseFile
+    source: str
+    mount: tuple[float, float, float] | None = None
+    gap: float = GAP
+    offset: float = 0.0
+
+    @property
+    def times(self) -> FloatArray | None:
+        """Times of the poses (k,) by the clock of the scans, seconds."""
+        return None if self.trajectory.times is None else self.trajectory.times + self.offset
+
+
+def read_poses(path: str, quaternion: Order | None = None) -> GivenPoses:
+    """Read the poses of a file, which belong to scans as the log and the defaults have it."""
+    trajectory = read_pose_file(path, quaternion, "readings.pose_quaternion")
+    return GivenPoses(trajectory, "standard input" if path == STREAM else path)
+
+
+def placed(readings: Readings, poses: GivenPoses) -> Readings:
+    """Return readings on the robot, whole, in the world; InputError if the poses do not belong to them."""
+    notes, scans, source = readings.notes, readings.notes.scans, readings.source
+    found, how, warnings = _matched(scans, poses, source)
+    known = np.isfinite(found[:, 0, 0])
+    upward = np.abs(found[known, 2, 2])
+    along_x, along_y, climbed = np.ptp(found[known, :3, 3], axis=0)
+    if np.median(upward) < LYING or climbed > max(CLIMB, 0.5 * np.hypot(along_x, along_y)):
+        raise InputError(
+            f"{poses.source}: these poses lie on their side or climb {climbed:.1f} m, as those of a camera do. Give "
+            "poses of a robot or a laser, with x ahead and z up."
+        )
+    if upward.min() < TILT:
+        warnings.append(f"poses are tilted by up to {np.degrees(np.arccos(upward.min())):.0f} degrees: laid flat")
+    beams, seats = (readings.origin, readings.angle), (scans.pose[:, :2], scans.pose[:, 2])
+    if poses.mount is not None:
+        is_ring = bool(readings.cone.any())
+        if len(notes.devices) > 1 and not is_ring:
+            which = f"{source} has {', '.join(notes.devices)}"
+            raise ConfigError(f"readings.pose_mount: {which}; choose the one that sits there with --topic.")
+        change = _mount_change(np.array(poses.mount), np.zeros(3) if is_ring else scans.pose[0])[None]
+        beams, seats = _moved(change, *beams), _moved(change, *seats)
+    row = np.searchsorted(scans.number, readings.scan)
+    origin, angle = _moved(found[row, :2], *beams)
+    where, heading = _moved(found[:, :2], *seats)
+    number, line, n_beams, device = (
+        column[known] for column in (scans.number, scans.line, scans.n_beams, scans.device)
+    )
+    table = ScanTable(number, line, n_beams, device, np.column_stack([where, heading])[known], scans.time[known])
+    check_domains(poses.source, table.number, {"x": table.pose[:, 0], "y": table.pose[:, 1]})
+    layout = f"{poses.trajectory.layout}, {len(poses.trajectory.poses)} poses"
+    words = f"{poses.source} ({layout}) {how}, {_of_what(readings, poses)}"
+    notes = replace(notes, scans=table, poses=words, warnings=(*notes.warnings, *warnings))
+    return replace(readings, origin=origin, angle=angle, notes=notes).where(known[row])
+
+
+def _of_what(readings: Readings, poses: GivenPoses) -> str:
+    """Return in words what the poses are taken for, and where the sensor sits on it."""
+    if poses.mount is not None:
+        return "the sensor at x {:g} y {:g} theta {:g} of them by readings.pose_mount".format(*poses.mount)
+    scans, notes = readings.notes.scans, readings.notes
+    sites = {notes.devices[device]: pose for device, pose in zip(scans.device, scans.pose, strict=True)}
+    off = [f"{name} sits at x {p[0]:g} y {p[1]:g} theta {p[2]:g} on it" for name, p in sites.items() if p.any()]
+    return f"taken as those of {notes.poses}" + "".join(f"; {each}" for each in off[:3])
+
+
+def _mount_change(new: FloatArray, old: FloatArray) -> FloatArray:
+    """Return the motion (2, 4) of beams on the robot that takes a sensor from one place (3,) on it to another."""
+    turn = new[2] - old[2]
+    c, s = np.cos(turn), np.sin(turn)
+    x, y, _ = mounted(np.array([new[0], new[1], turn]), np.array([-old[0], -old[1], 0.0]))
+    return np.array([[c, -s, 0.0, x], [s, c, 0.0, y]])
+
+
+def _moved(motion: FloatArray, xy: FloatArray, angle: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return places (n, 2) and directions (n,) in the plane after motions (n, 2, 4) or (1, 2, 4), laid flat."""
+    cosine, sine = np.cos(angle), np.sin(angle)
+    ahead = motion[:, :, 0] * cosine[:, None] + motion[:, :, 1] * sine[:, None]
+    where = motion[:, :, 0] * xy[:, :1] + motion[:, :, 1] * xy[:, 1:] + motion[:, :, 3]
+    return where, np.arctan2(ahead[:, 1], ahead[:, 0])
+
+
+def _matched(scans: ScanTable, poses: GivenPoses, source: str) -> tuple[FloatArray, str, list[str]]:
+    """Return the poses (n, 4, 4) of the scans, nan where unknown; how they were found; warnings."""
+    known, names = poses.trajectory.poses, poses.trajectory.names
+    why_not = _why_not_by_time(scans, poses, source)
+    if not why_not:
+        found, warnings = _by_time(scans, poses)
+        if np.isfinite(found[:, 0, 0]).sum() >= min(len(found), max(FEW * len(found), 2)):
+            return found, "matched by time", warnings
+        why_not = _why_apart(scans, poses, source)
+    if len(known) != len(scans.number):
+        counts = f"{source} has {len(scans.number)} scans, {poses.source} {len(known)} poses"
+        advice = "Give one pose a scan, or times in both (TUM, CSV t,x,y,theta)."
+        raise InputError(f"{why_not}; by order neither: {counts}. {advice}")
+    if names is not None and all(name[1:].isdigit() for name in names):  # of g2o
+        known = known[np.argsort([int(name[1:]) for name in names], kind="stable")]
+    warnings = [] if poses.times is None else [f"{why_not}; as many poses as scans: matched by order"]
+    return known, "matched by order", warnings
+
+
+def _why_not_by_time(scans: ScanTable, poses: GivenPoses, source: str) -> str:
+    """Return why scans and poses cannot be matched by time, empty if they can."""
+    if poses.times is None:
+        return f"{poses.source} has no times"
+    if np.isnan(scans.time).all():
+        return f"the scans of {source} have no times"
+    clocks = [(poses.times, poses.source), *((scans.time[scans.device == d], source) for d in np.unique(scans.device))]
+    for time, name in clocks:
+        if len(np.unique(time)) < (1.0 - MAX_TIES) * len(time):
+            return f"many times of {name} are equal, too coarse to match by"
+    return ""
+
+
+def _by_time(scans: ScanTable, poses: GivenPoses) -> tuple[FloatArray, list[str]]:
+    """Return the poses (n, 4, 4) at the times of the scans, nan where there is none, and warnings."""
+    assert poses.times is not None
+    found, n_outside = _interpolated(poses, poses.times, in_seconds(scans.time))
+    n_lost = int(np.count_nonzero(np.isnan(found[:, 0, 0])))
+    parts = {f"outside the time of {poses.source}": n_outside}
+    parts[f"between poses more than readings.pose_gap = {poses.gap:g} s apart"] = n_lost - n_outside
+    words = " and ".join(f"{n} {where}" for where, n in parts.items() if n)
+    return found, [f"{n_lost} of {len(found)} scans have no pose and are dropped: {words}"] if n_lost else []
+
+
+def _why_apart(scans: ScanTable, poses: GivenPoses, source: str) -> str:
+    """Return why next to no scan has a pose by time, and what to do."""
+    assert poses.times is not None
+    time = in_seconds(scans.time)
+    first, last, start, end = np.nanmin(time), np.nanmax(time), poses.times.min(), poses.times.max()
+    if first <= end and last >= start:
+        why, change = f"next to no scan lies between two at most {poses.gap:g} s apart", "readings.pose_gap=SECONDS"
+    else:
+        why, change = "next to none is shared", f"readings.pose_offset={first - start + poses.offset:.3f}"
+    return (
+        f"times of {poses.source} are {start:.3f} to {end:.3f} s, of {source} {first:.3f} to {last:.3f} s, and {why}: "
+        f"give seconds of one clock, or --set {change}"
     )
 
 
-def seen_from(robot: FloatArray, pose: FloatArray) -> FloatArray:
-    """Return the pose (3,) on a robot of something whose world pose is `pose`, both as :func:`mounted` has them."""
-    cosine, sine = np.cos(robot[2]), np.sin(robot[2])
-    x, y, turn = pose - robot
-    return np.array([cosine * x + sine * y, cosine * y - sine * x, np.arctan2(np.sin(turn), np.cos(turn))])
-
-
-def ring_of(n: int) -> FloatArray | None:
-    """Return the (n, 3) Pioneer ring of `n` transducers, or None if there is none of that size."""
-    return PIONEER[:n] if n in (8, 16) else None
-
-
-def fields_of_view(readings: Readings, cone: float) -> FloatArray:
-    """Return the full field of view (n,) of sonar readings, radians: the log's, or `cone` where it has none."""
-    if not 0.0 < cone < np.pi:
-        raise ConfigError(f"sonar cone {cone}: must lie between 0 and pi radians")
-    view = np.where(readings.cone > 0.0, readings.cone, cone)
-    if view.max() >= np.pi:
-        raise InputError(f"{readings.source}: a sonar cone of {view.max():g} radians. It must be narrower than pi.")
-    return view
-
-
-def spread(start: float, step: float, n: int) -> FloatArray:
-    """Return n directions from `start` on, radians (ValueError if they are no scan)."""
-    is_scan = n < 2 or 0.0 < abs(step) * (n - 1) <= 2.0 * np.pi + min(abs(step), 1.0)
-    if not (is_scan and abs(start) <= 2.0 * np.pi):
-        raise ValueError(f"{n} beams from {start:g} in steps of {step:g} rad are no scan")
-    return np.array([start]) if n == 1 else start + step * np.arange(n, dtype=np.float64)
-
-
-@lru_cache(maxsize=8)
-def plain_bearings(n: int) -> FloatArray:
-    """Return the (n,) bearings in radians of the beams of a line that carries none, right to left."""
-    if n not in QUARTER_DEGREES:
-        return half_circle(n)
-    return (np.arange(n, dtype=np.float64) - 200.0) * (np.pi / 720.0)
-
-
-@lru_cache(maxsize=8)
-def half_circle(n: int) -> FloatArray:
-    """Return the (n,) bearings in radians of a scan over half a circle, right to left, by CARMEN's convention."""
-    steps = n if n in (180, 360) else max(n - 1, 1)
-    return -np.pi / 2 + np.arange(n, dtype=np.float64) * (np.pi / steps)
+def _interpolated(poses: GivenPoses, times: FloatArray, at: FloatArray) -> tuple[FloatArray, int]:
+    """Return the poses (n, 4, 4) at times `at`, nan where unknown, and how many of these are outside of `times`."""
+    order = np.argsort(times, kind="stable")
+    order = order[np.r_[np.diff(times[order]) > 0.0, True]]  # of equal times the last pose counts
+    stamps, known = times[order], poses.trajectory.poses[order]
+    inside = (at >= stamps[0] - SAME_TIME) & (at <= stamps[-1] + SAME_TIME)
+    when = np.clip(np.where(np.isnan(at), stamps[0], at), stamps[0], stamps[-1])
+    after = np.clip(np.searchsorted(stamps, when), 1, max(len(stamps) - 1, 1)).clip(max=len(stamps) - 1)
+    before = np.maximum(after - 1, 0)
+    distance = np.minimum(np.abs(when - stamps[before]), np.abs(when - stamps[after]))
+    usable = inside & ((stamps[after] - stamps[before] <= poses.gap) | (distance <= SAME_TIME))
+    places, turns = interpolate(stamps, known[:, :3, 3], Rotation.from_matrix(known[:, :3, :3]), when)
+    found = rigid(turns.as_matrix(), places)
+    found[~usable] = np.nan
+    return found, int(np.count_nonzero(~inside))

@@ -62,7 +62,7 @@ class LogNotes:
     # the sensors' own maximum range, where the log states it and has finite readings at or above it: these are inf in
     # `Readings`. nan otherwise
     sensor_max: float = math.nan
-    # where the poses are from, for a person; of readings on the robot (prf.readings.posed) what the sensor sits on
+    # where the poses are from, for a person; of readings on the robot (prf.readings.poses) what the sensor sits on
     poses: str = "in the log"
     # where the transducers of a sonar ring sit on the robot, metres and radians; empty for other sensors
     ring: tuple[tuple[float, float, float], ...] = ()

@@ -20,7 +20,7 @@ from prf.poses.start import find_start
 from prf.readings import Kind, PointTable, Readings, read_logs, read_point_data, thin, warn_of_spoiling
 from prf.readings.describe import default_max_range
 from prf.readings.ground import chosen_window, driven_way, seen_cells
-from prf.readings.poses import fields_of_view
+from prf.readings.robot import fields_of_view
 from prf.readings.thinning import thin_beams
 from prf.sampler.posterior import LaserData, PointData, Settings, SonarData
 from prf.sampler.tempering import AUTO_TEMPERATURES, LadderPlan

@@ -13,7 +13,7 @@ from collections.abc import Callable
 import numpy as np
 
 from prf.model.domain import check_factor, check_length
-from prf.readings.poses import QUARTER_DEGREES, half_circle
+from prf.readings.robot import QUARTER_DEGREES, half_circle
 from prf.shell.errors import ConfigError
 from prf.simulate.world import Floats
 

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.special import j1
 
 from prf.model.domain import check_length
-from prf.readings.poses import PIONEER, mounted
+from prf.readings.robot import PIONEER, mounted
 from prf.simulate.world import Floats
 
 RIGHT_ANGLE = math.radians(10.0)  # corners within this of a right angle send sound back to where it came from

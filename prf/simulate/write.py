@@ -15,7 +15,7 @@ import shapely
 
 from prf.output.pictures.layers import fill_map
 from prf.readings.describe import MAX_RANGE_SHARE
-from prf.readings.poses import CONE, PIONEER, mounted
+from prf.readings.robot import CONE, PIONEER, mounted
 from prf.readings.table import OPTIONAL, REQUIRED
 from prf.results.mapfile import map_text
 from prf.shell.cli import pictures as style

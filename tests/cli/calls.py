@@ -27,7 +27,7 @@ from tests.mapq.perturb.scenes import look, pose_at
 from tests.mapq.results.test_result import make_model
 from tests.readings.samples import flaser
 from tests.results.occupancy.test_build import BEAM, build
-from tests.shell.test_trajectory import rows
+from tests.shell.test_pose_files import rows
 
 
 class Outcome(NamedTuple):

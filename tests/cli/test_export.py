@@ -19,7 +19,7 @@ from prf.poses.plane import wrapped
 from prf.results import read_map_feature, read_run, write_run
 from prf.results.occupancy import OccupancyGrid, write_grid
 from prf.shell.cli.run import run_app
-from prf.shell.poses.trajectory import read_trajectory
+from prf.shell.poses.files import read_pose_file
 from tests.factories import make_run, make_trajectory
 
 
@@ -119,16 +119,16 @@ def test_sampled_poses_are_a_trajectory_for_evo(folder: Path, here: Path, capsys
     answer = json.loads(capsys.readouterr().out)
     assert (answer["n_poses"], answer["files"][0]["path"]) == (5, "moved.tum")
     assert answer["rms_correction_m"] == pytest.approx(0.05, rel=0.1)
-    read = read_trajectory("moved.tum")
+    read = read_pose_file("moved.tum")
     assert (read.layout, read.times.tolist()) == ("TUM", found.time.tolist())
     for draw, wanted in ((None, found.mean), (-1, found.given + found.draws[-1])):
         assert call("moved", "-o", "way.tum", "-f", *(() if draw is None else ("--draw", draw))) == 0
-        poses = read_trajectory("way.tum").poses
+        poses = read_pose_file("way.tum").poses
         np.testing.assert_allclose(poses[:, :2, 3], wanted[:, :2], atol=1e-12)
         np.testing.assert_allclose(wrapped(np.arctan2(poses[:, 1, 0], poses[:, 0, 0]) - wanted[:, 2]), 0.0, atol=1e-12)
     write_run(here / "moved", dataclasses.replace(run, trajectory=dataclasses.replace(found, time=np.full(5, np.nan))))
     assert call("moved", "-o", "way.tum", "-f") == 0
-    assert read_trajectory("way.tum").times.tolist() == found.scan.tolist()
+    assert read_pose_file("way.tum").times.tolist() == found.scan.tolist()
     capsys.readouterr()
     assert call(folder, "--format", "tum") == 3
     assert "its poses were not sampled" in capsys.readouterr().err

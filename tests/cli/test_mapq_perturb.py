@@ -14,7 +14,7 @@ from mapq.io import read_cloud, write_ply
 from prf.shell.cli.run import run_app
 from tests.mapq.factories import wall
 from tests.mapq.perturb.scenes import look, pose_at
-from tests.shell.test_trajectory import rows
+from tests.shell.test_pose_files import rows
 
 POSES = np.array([pose_at(4.0 + 3.0 * scan, -5.0, 10.0 * scan) for scan in range(4)])
 

@@ -15,7 +15,7 @@ from tests.cli.mapq_samples import call
 from tests.mapq.io.test_ptx import ptx
 from tests.mapq.perturb.scenes import COURT, look, pose_at
 from tests.mapq.posed.test_find import write_e57
-from tests.shell.test_trajectory import rows
+from tests.shell.test_pose_files import rows
 
 RIGHT = np.array([pose_at(4.0 + 4.0 * scan, 6.0, 12.0 * scan) for scan in range(4)])
 POSES = RIGHT.copy()

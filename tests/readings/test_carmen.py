@@ -5,7 +5,7 @@ import pytest
 
 from prf.readings import describe
 from prf.readings.carmen import read_carmen
-from prf.readings.poses import half_circle
+from prf.readings.robot import half_circle
 from prf.shell.errors import InputError
 from tests.readings.samples import flaser, robot_laser
 

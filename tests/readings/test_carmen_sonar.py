@@ -5,7 +5,7 @@ import pytest
 
 from prf.readings import NoReadings, Readings
 from prf.readings.carmen import read_carmen
-from prf.readings.poses import PIONEER
+from prf.readings.robot import PIONEER
 from prf.shell.errors import ConfigError, InputError
 from tests.readings.samples import flaser
 

@@ -17,7 +17,7 @@ from prf.results.inspection import inspect_files
 from prf.results.names import SCHEMAS
 from prf.results.write import remove_stale_outputs
 from prf.shell.errors import InputError, OutputError
-from prf.shell.poses.trajectory import read_trajectory
+from prf.shell.poses.files import read_pose_file
 from tests.factories import WINDOW, make_run, make_trajectory
 
 
@@ -119,7 +119,7 @@ def test_sampled_poses_round_trip_and_their_means_are_a_table(tmp_path: Path, mo
     assert header == "scan,t,x,y,theta,sd_x,sd_y,sd_theta"
     table = np.array([[float(field) for field in row.split(",")] for row in rows])
     np.testing.assert_array_equal(table, np.column_stack([read.scan, read.time, read.mean, read.sd]))
-    poses = read_trajectory(str(tmp_path / "trajectory.csv"))
+    poses = read_pose_file(str(tmp_path / "trajectory.csv"))
     np.testing.assert_allclose(poses.poses[:, :2, 3], read.mean[:, :2])
     states = {state.name: state.summary for state in inspect_files(tmp_path)}
     assert states["poses.npz"].startswith("12 draws; 5 poses corrected by 5")
@@ -134,7 +134,7 @@ def test_poses_without_times_or_draws(tmp_path: Path, moved: Run) -> None:
     np.testing.assert_array_equal(read_run(tmp_path).path_xy, early.given[:, :2])
     write_run(tmp_path, replace(moved, trajectory=replace(moved.trajectory, time=early.time)))
     assert (tmp_path / "trajectory.csv").read_text().splitlines()[1].startswith("0,,")
-    read = read_trajectory(str(tmp_path / "trajectory.csv"))
+    read = read_pose_file(str(tmp_path / "trajectory.csv"))
     assert (len(read.poses), read.times) == (5, None)
     remove_stale_outputs(tmp_path)
     assert list(tmp_path.iterdir()) == []

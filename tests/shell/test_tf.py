@@ -4,11 +4,11 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from prf.shell.poses.tf import Tree
+from prf.shell.poses.tf import FrameTree
 
 
 def test_a_mount_that_never_changes_holds_at_all_times() -> None:
-    tree = Tree()
+    tree = FrameTree()
     turn = SimpleNamespace(x=0.0, y=0.0, z=0.0, w=1.0)
     for time in (10.0, 11.0):
         tree.add("base", "laser", time, (SimpleNamespace(x=0.2, y=0.0, z=0.0), turn), is_static=False)

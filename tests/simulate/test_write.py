@@ -13,9 +13,9 @@ import pytest
 from prf.readings import read_readings
 from prf.readings.carmen import read_carmen
 from prf.readings.describe import default_max_range
-from prf.readings.poses import CONE, PIONEER, mounted
+from prf.readings.robot import CONE, PIONEER, mounted
 from prf.readings.table import read_table
-from prf.shell.poses.trajectory import read_trajectory
+from prf.shell.poses.files import read_pose_file
 from prf.simulate import LaserPhysics, Scans, SimulateConfig, simulate, write_simulation
 from prf.simulate.sonar import SonarPhysics
 from prf.simulate.write import carmen_lines, no_return_number, path_lines, pose_lines, sonar_lines, tum_lines
@@ -105,7 +105,7 @@ def test_paths_can_be_driven_again(tmp_path: object) -> None:
 def test_poses_are_read_as_poses_of_other_verbs(tmp_path: Path) -> None:
     for name, lines in (("true.csv", pose_lines(SCANS)), ("true.tum", tum_lines(SCANS))):
         (tmp_path / name).write_bytes(as_bytes(lines))
-        found = read_trajectory(str(tmp_path / name))
+        found = read_pose_file(str(tmp_path / name))
         np.testing.assert_allclose(found.times, SCANS.time)
         np.testing.assert_allclose(found.poses[:, :2, 3], SCANS.pose[:, :2])
         turn = np.arctan2(found.poses[:, 1, 0], found.poses[:, 0, 0])

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from prf.shell.poses.bag import Message, seconds
-from prf.shell.poses.trajectory import interpolate
+from prf.shell.poses.files import interpolate
 
 FloatArray = NDArray[np.float64]
 
@@ -46,7 +46,7 @@ class _Edge:
         return self.is_static or all(pose == self.pose[0] for pose in self.pose)
 
 
-class Tree:
+class FrameTree:
     """Frames and the motions between parent and child; a child may have several parents, from several sources."""
 
     def __init__(self) -> None:

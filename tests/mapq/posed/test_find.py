@@ -16,7 +16,7 @@ from prf.shell.errors import InputError, UsageError
 from tests.mapq.io.test_ptx import TURNED, ptx
 from tests.mapq.perturb.scenes import pose_at
 from tests.mapq.posed.test_poses import CAMERA
-from tests.shell.test_trajectory import rows
+from tests.shell.test_pose_files import rows
 
 
 def numbered(count):

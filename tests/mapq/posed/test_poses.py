@@ -7,7 +7,7 @@ from mapq.posed import drive_passes
 from mapq.posed.poses import laser_poses, looks_ahead, read_calibration
 from prf.shell.errors import InputError
 from tests.mapq.perturb.scenes import pose_at
-from tests.shell.test_trajectory import written
+from tests.shell.test_pose_files import written
 
 CAMERA = np.array([[0.0, -1.0, 0.0, 0.1], [0.0, 0.0, -1.0, -0.2], [1.0, 0.0, 0.0, -0.3], [0.0, 0.0, 0.0, 1.0]])
 """Camera from laser: x right, y down, z ahead from x ahead, y left, z up."""

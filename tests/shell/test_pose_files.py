@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from prf.shell.errors import InputError
-from prf.shell.poses.trajectory import read_trajectory
+from prf.shell.poses.files import read_pose_file
 from tests.mapq.perturb.scenes import pose_at
 
 POSES = np.array([pose_at(1.0, 2.0, 30.0), pose_at(-4.0, 5.0, -100.0)])
@@ -43,7 +43,7 @@ def written(tmp_path, text, name="poses.txt"):
 
 @pytest.mark.parametrize("layout", LAYOUTS)
 def test_every_layout(layout, tmp_path):
-    table = read_trajectory(written(tmp_path, LAYOUTS[layout]))
+    table = read_pose_file(written(tmp_path, LAYOUTS[layout]))
     np.testing.assert_allclose(table.poses, POSES, atol=1e-12)
     assert (table.times is not None) == (layout in ("tum", "stamped", "stamped blocks"))
     assert table.names == (("v0", "v1") if layout in ("graph", "g2o") else None)
@@ -67,7 +67,7 @@ TABLES = {
 def test_poses_in_the_plane_and_tables_by_their_header(layout, tmp_path):
     values = np.column_stack([PLACES[:, :2].round(6), 2.0 * HALF, np.sin(HALF), np.cos(HALF)]).tolist()
     numbers = {f"{name}{k}": repr(values[k][column]) for k in (0, 1) for column, name in enumerate("xyasc")}
-    table = read_trajectory(written(tmp_path, TABLES[layout].format(1700000000, 1700000001, **numbers)))
+    table = read_pose_file(written(tmp_path, TABLES[layout].format(1700000000, 1700000001, **numbers)))
     flat = POSES.copy()
     flat[:, 2, 3] = 0.0
     np.testing.assert_allclose(table.poses, flat, atol=1e-6)
@@ -80,18 +80,18 @@ def test_poses_in_the_plane_and_tables_by_their_header(layout, tmp_path):
 def test_gzipped_and_with_the_scalar_part_first(tmp_path):
     path = tmp_path / "poses.txt.gz"
     path.write_bytes(gzip.compress(rows(np.column_stack([PLACES, QUATERNIONS[:, [3, 0, 1, 2]]])).encode()))
-    np.testing.assert_allclose(read_trajectory(str(path), "wxyz").poses, POSES, atol=1e-12)
+    np.testing.assert_allclose(read_pose_file(str(path), "wxyz").poses, POSES, atol=1e-12)
 
 
 def test_an_order_of_quaternions_that_hangs_sensors_upside_down_is_not_guessed(tmp_path):
     path = written(tmp_path, rows(np.column_stack([PLACES, QUATERNIONS[:, [3, 0, 1, 2]]])))
     with pytest.raises(InputError, match=r"poses.txt: read as tx ty tz qx .* scans.quaternion=wxyz"):
-        read_trajectory(path, key="scans.quaternion")
-    assert read_trajectory(path, "xyzw").poses[0, 2, 2] < 0.0
+        read_pose_file(path, key="scans.quaternion")
+    assert read_pose_file(path, "xyzw").poses[0, 2, 2] < 0.0
 
 
 def test_rounded_rotations_become_exact(tmp_path):
-    table = read_trajectory(written(tmp_path, "".join(f"{x:.3f} " for x in POSES[0, :3].ravel()) + "\n"))
+    table = read_pose_file(written(tmp_path, "".join(f"{x:.3f} " for x in POSES[0, :3].ravel()) + "\n"))
     np.testing.assert_allclose(table.poses[0, :3, :3] @ table.poses[0, :3, :3].T, np.eye(3), atol=1e-14)
 
 
@@ -123,4 +123,4 @@ def test_rounded_rotations_become_exact(tmp_path):
 )
 def test_what_is_no_pose_is_refused_with_its_line(text, message, tmp_path):
     with pytest.raises(InputError, match=message):
-        read_trajectory(written(tmp_path, text))
+        read_pose_file(written(tmp_path, text))
