@@ -22,7 +22,7 @@ from benchmarks import commands
 from benchmarks.commands import made
 from prf.model.coloring import black_at_draws
 from prf.model.layout import image_grid, pixel_centres
-from prf.results import Run, read_run
+from prf.output.run import Run, read_run
 from prf.results.convergence import diagnose
 
 LOGS = ("office", "intel", "aces", "freiburg-101", "csail")

@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from prf.results import names, read_run
+from prf.output.run import read_run
+from prf.results import names
 from prf.results.convergence import diagnose
 from prf.shell.cli.jsonout import jsonable
 

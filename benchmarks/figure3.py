@@ -26,7 +26,7 @@ from prf.kernels.score.sonar import Scene, add_sonar_densities
 from prf.model.coloring import Coloring, from_polygons
 from prf.model.sonar import Returns, SonarModel, make_poses, return_probabilities
 from prf.model.window import Window
-from prf.output.pictures import layers
+from prf.output.pictures.posterior import fill_map
 from prf.results.score.scene import features_seen, scene_of_coloring
 from prf.shell.cli import pictures as style
 
@@ -165,7 +165,7 @@ def draw_cone(axes: Any, sight: Sight) -> None:
     turn = np.linspace(-0.5 * VIEW, 0.5 * VIEW, 60)
     arc = sight.model.max_range * np.stack([np.cos(turn), np.sin(turn)], axis=1)
     axes.fill(*np.vstack([[0.0, 0.0], arc]).T, color=style.BEAM, alpha=0.16, linewidth=0, zorder=1)
-    layers.fill_map(axes, sight.coloring, colour="#ced4da")
+    fill_map(axes, sight.coloring, colour="#ced4da")
     axes.plot(0.0, 0.0, marker="o", markersize=6, color=style.PATH, zorder=5)
     parts = visible_parts(sight)
     for number, (feature, share) in enumerate(zip(sight.features, sight.returns.share, strict=True), start=1):

@@ -22,9 +22,9 @@ import shapely
 
 from benchmarks import commands, panels
 from benchmarks.commands import made, say
+from prf.output.run import Run, read_run
 from prf.readings import read_readings, thin
-from prf.results import Run, read_run
-from prf.results.mapfile import read_map_feature
+from prf.results.geojson import read_map_feature
 from prf.results.occupancy import read_grid
 
 SCALE = 0.1

@@ -24,9 +24,10 @@ from matplotlib.collections import LineCollection
 
 from benchmarks import commands, panels
 from benchmarks.commands import made, prf, say
+from prf.output.run import read_run
 from prf.readings import Readings
-from prf.results import names, read_run
-from prf.results.mapfile import read_map_feature
+from prf.results import names
+from prf.results.geojson import read_map_feature
 from prf.results.occupancy import read_grid
 from prf.shell.cli import pictures as style
 

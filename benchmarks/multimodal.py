@@ -33,7 +33,7 @@ from prf.model.coloring import Draws, black_at_draws
 from prf.model.laser import LaserModel
 from prf.model.layout import image_grid, pixel_centres
 from prf.model.window import Window
-from prf.output.pictures import layers
+from prf.output.pictures.posterior import draw_beams, draw_impacts
 from prf.readings import Readings
 from prf.results import PosteriorImage
 from prf.results.convergence import Diagnosis, verdict
@@ -209,8 +209,8 @@ def image_of(sample: Sample, chain: int) -> PosteriorImage:
 
 def draw_log(axes: Any, beams: Readings) -> None:
     """Draw beams, impacts and places of the scanner; it went from one side to the other by another way."""
-    layers.draw_beams(axes, beams)
-    layers.draw_impacts(axes, beams)
+    draw_beams(axes, beams)
+    draw_impacts(axes, beams)
     axes.plot(*np.unique(beams.origin, axis=0).T, "o", markersize=4.0, color=style.PATH, zorder=4)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from prf.model.coloring import Coloring
 from prf.model.window import Window
-from prf.output.pictures import layers
+from prf.output.pictures.posterior import draw_beams, draw_occupancy, draw_outline, draw_path, fill_map
 from prf.readings import Readings
 from prf.results import PosteriorImage
 from prf.shell.cli import pictures as style
@@ -32,16 +32,16 @@ def image(values: PosteriorImage, caption: str, outline: Coloring | None = None)
     """Return a panel of probabilities, edges of a map over it."""
 
     def draw(axes: Any) -> None:
-        layers.draw_occupancy(axes, values, values.occupancy)
+        draw_occupancy(axes, values, values.occupancy)
         if outline is not None:
-            layers.draw_outline(axes, outline, width=0.7)
+            draw_outline(axes, outline, width=0.7)
 
     return Panel(draw, caption)
 
 
 def filled(coloring: Coloring, caption: str) -> Panel:
     """Return a panel of one map."""
-    return Panel(lambda axes: layers.fill_map(axes, coloring), caption)
+    return Panel(lambda axes: fill_map(axes, coloring), caption)
 
 
 def impacts(beams: Readings, caption: str, rays: bool = False) -> Panel:
@@ -49,11 +49,11 @@ def impacts(beams: Readings, caption: str, rays: bool = False) -> Panel:
 
     def draw(axes: Any) -> None:
         if rays:
-            layers.draw_beams(axes, beams, width=0.3)
+            draw_beams(axes, beams, width=0.3)
         points = beams.impacts()
         size = float(np.clip(60.0 / max(len(points), 1) ** 0.5, 0.7, 2.5))
         axes.plot(*points.T, linestyle="none", marker="o", markersize=size, markeredgewidth=0, color=style.INK)
-        layers.draw_path(axes, beams.sensor_path())
+        draw_path(axes, beams.sensor_path())
 
     return Panel(draw, caption)
 

@@ -20,7 +20,7 @@ import numpy as np
 from benchmarks import commands, figure4, panels
 from benchmarks.commands import made, prf, say
 from prf.model.window import Window
-from prf.results import Run, read_run
+from prf.output.run import Run, read_run
 
 STEPS, QUICK_STEPS = 20_000_000, 500_000
 """Of each chain: alike for all scales, since the clock would give a large map fewer."""

@@ -23,7 +23,7 @@ from benchmarks.commands import made, prf, say
 from benchmarks.contours import write_contours
 from benchmarks.octomap import INSTALLED, write_octomap
 from prf.results import names
-from prf.results.mapfile import read_map_feature
+from prf.results.geojson import read_map_feature
 from prf.results.occupancy import read_grid
 
 SECONDS = 180.0

@@ -33,8 +33,8 @@ from prf.kernels.state.proposal import N_LOOP
 from prf.kernels.state.sites import any_inside
 from prf.kernels.step import choose_move, propose
 from prf.model.coloring import Draws
+from prf.output.run import read_run
 from prf.readings import read_readings
-from prf.results import read_run
 from prf.results.estimate import occupied_probability
 from prf.sampler.driver import StopRule, drive
 from prf.sampler.posterior import Settings

@@ -27,7 +27,7 @@ from prf.kernels import constants as c
 from prf.kernels.state.build import recompute_sums
 from prf.kernels.step import run
 from prf.model.layout import grow
-from prf.results import read_run
+from prf.output.run import read_run
 from prf.sampler.posterior import Settings, make_chain, one_colour_map
 from prf.sampler.prepare import read_prepared
 from prf.sampler.tiles.partition import PLAIN_SHARE, narrowest, round_length

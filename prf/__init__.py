@@ -15,9 +15,9 @@ if TYPE_CHECKING:
     from prf.model.laser import LaserModel
     from prf.model.points import PointModel
     from prf.model.sonar import SonarModel
+    from prf.output.run import Run, read_run
     from prf.readings import PointTable, Readings
     from prf.readings.arrays import laser, points, sonar
-    from prf.results import Run, read_run
     from prf.sampler.session import Session
     from prf.shell.errors import PrfError
 
@@ -43,9 +43,9 @@ __all__ = [
 _HOMES = {
     "prf.api.sampling": ("resume", "sample"),
     "prf.api.science": ("Prior", "read_readings"),
+    "prf.output.run": ("Run", "read_run"),
     "prf.readings": ("PointTable", "Readings"),
     "prf.readings.arrays": ("laser", "points", "sonar"),
-    "prf.results": ("Run", "read_run"),
     "prf.sampler.session": ("Session",),
     "prf.model.laser": ("LaserModel",),
     "prf.model.points": ("PointModel",),

@@ -12,9 +12,10 @@ from prf.model.arak import exact_draws
 from prf.model.coloring import Draws, feature_lines
 from prf.model.sonar import SonarModel
 from prf.model.window import Window
+from prf.output.run import Run
 from prf.poses.posterior import Trajectory
 from prf.readings import Readings
-from prf.results import PosteriorImage, Run
+from prf.results import PosteriorImage
 from prf.results.estimate import occupied_probability
 from prf.results.score import SCORE_DEFAULTS
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from mapq.io import read_cloud, read_patches
-from prf.results import read_run
+from prf.output.run import read_run
 from prf.shell.cli.run import run_app
 
 OLD = Path(__file__).resolve().parent / "old_files"

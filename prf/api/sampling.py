@@ -23,7 +23,7 @@ from prf.api.science import (
     sources_in,
 )
 from prf.configuration import Configuration, Start, without_way
-from prf.results import Run
+from prf.output.run import Run
 from prf.results.convergence import verdict
 from prf.results.write import is_unfinished
 from prf.sampler.driver import StopRule, drive

@@ -154,7 +154,7 @@ def _cool(
 
 def _write(target: str, found: Annealed, made: dict[str, Any], logs: list[str]) -> str:
     """Write the map file; return its text."""
-    from prf.results.mapfile import map_text
+    from prf.results.geojson import map_text
     from prf.shell.cli.files import open_output
     from prf.shell.cli.manifest import describe_process
 

@@ -10,8 +10,8 @@ import typer
 from prf.shell.cli.options import Json
 
 if TYPE_CHECKING:
-    from prf.results import PointEstimates, Run
-    from prf.results.estimate import Estimates
+    from prf.output.run import Run
+    from prf.results.estimate import Estimates, PointEstimates
     from prf.results.occupancy import OccupancyGrid
 
 logger = logging.getLogger(__name__)
@@ -57,7 +57,8 @@ def query(
     and R-hat of the very question. A GRID has no such error, and answers for its cells, taken as independent: that
     not all cells with their centres in a square, or all cells that the disc touches, are free.
     """
-    from prf.results import names, read_run
+    from prf.output.run import read_run
+    from prf.results import names
     from prf.results.occupancy import is_grid, read_grid
     from prf.shell.errors import UsageError
 
@@ -75,7 +76,8 @@ def query(
 
 
 def _answer_points(source: Run | OccupancyGrid, points: str, square: float, json: bool) -> None:
-    from prf.results import occupancy, read_points
+    from prf.readings.points import read_points
+    from prf.results import occupancy
     from prf.shell.cli import console, jsonout
 
     xy = read_points(points)
@@ -102,7 +104,8 @@ def _answer_points(source: Run | OccupancyGrid, points: str, square: float, json
 
 
 def _answer_path(source: Run | OccupancyGrid, path: str, radius: float, json: bool) -> None:
-    from prf.results import occupancy, read_points
+    from prf.readings.points import read_points
+    from prf.results import occupancy
     from prf.shell.cli import console, jsonout
 
     xy = read_points(path)

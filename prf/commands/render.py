@@ -101,7 +101,7 @@ def _render_run(
     title: str | None,
 ) -> None:
     from prf.output import pictures as render
-    from prf.results import read_run
+    from prf.output.run import read_run
 
     run = read_run(source)
     if what is What.best:

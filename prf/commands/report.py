@@ -34,7 +34,8 @@ def report(
     Without -o it is RUN.html beside the folder.
     """
     from prf.output.report import write_report
-    from prf.results import names, read_run
+    from prf.output.run import read_run
+    from prf.results import names
     from prf.shell.cli.files import STREAM
     from prf.shell.cli.outputs import claim_output
 

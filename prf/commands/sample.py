@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from prf.api.science import ReadingKind, Source
-    from prf.results import Run
+    from prf.output.run import Run
 
 EXAMPLES = (
     "prf sample --laser data/demo-office.log.gz -o office --time-budget 30",
@@ -177,7 +177,7 @@ def _summary(run: Run, folder: Path, asked_steps: int | None) -> Iterator[str]:
     """Yield for a person what was mapped, whether the chains agree, what to do about it, and what to open."""
     import shlex
 
-    from prf.results.agreement import Agreement
+    from prf.results.run import Agreement
     from prf.shell.cli import console
     from prf.shell.cli.pictures import counted
 

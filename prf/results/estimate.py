@@ -12,7 +12,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy import special
 
 from prf.kernels.score import query
 from prf.model.coloring import Draws, black_at_draws
@@ -58,6 +57,25 @@ class Estimates(NamedTuple):
     rhat: Floats
 
 
+class PointEstimates(NamedTuple):
+    """Probabilities that points are occupied, how far they are known, and whether the points were seen.
+
+    Attributes
+    ----------
+    probability, low, high, ess, rhat : (n,) float64
+        As :class:`Estimates` has them.
+    seen : (n,) bool
+        Whether a reading crossed the cell of the image that holds the point, or ended in it.
+    """
+
+    probability: Floats
+    low: Floats
+    high: Floats
+    ess: Floats
+    rhat: Floats
+    seen: Bools
+
+
 def occupied_probability(draws: Draws, xy: ArrayLike, square: float = 0.0) -> Floats:
     """Return the share of draws in which each point, or the square round it, is occupied; `xy` (n_points, 2)."""
     points = _points(xy)
@@ -72,11 +90,10 @@ def occupied_estimates(
 ) -> Estimates:
     """Return the answers of :func:`occupied_probability`, and how far they are known; `chain` (n_draws,)."""
     points = _points(xy)
-    found = _unknown(len(points))
+    found = np.full((len(Estimates._fields), len(points)), np.nan)
     for chosen, black in _occupied_batches(draws, points, square):
-        for whole, part in zip(found, estimates(by_chain(black, chain), smallest_ess), strict=True):
-            whole[chosen] = part
-    return found
+        found[:, chosen] = estimates(by_chain(black, chain), smallest_ess)
+    return Estimates(*found)
 
 
 def occupied_in_draws(draws: Draws, xy: ArrayLike, square: float = 0.0) -> Bools:
@@ -105,14 +122,13 @@ def path_estimates(
     draws: Draws, chain: NDArray[np.int32], paths: Sequence[ArrayLike], radius: float, smallest_ess: float
 ) -> Estimates:
     """Return the answers of :func:`path_free`, and how far they are known; `paths` (n_points, 2)."""
-    found = _unknown(len(paths))
+    found = np.full((len(Estimates._fields), len(paths)), np.nan)
     for i, path_xy in enumerate(paths):
         path = _path_inside(draws, path_xy, radius)
         if path is not None:
             free = path_free_in_draws(draws, path, radius)[:, None]
-            for whole, part in zip(found, estimates(by_chain(free, chain), smallest_ess), strict=True):
-                whole[i] = part[0]
-    return found
+            found[:, [i]] = estimates(by_chain(free, chain), smallest_ess)
+    return Estimates(*found)
 
 
 def path_free_in_draws(draws: Draws, path_xy: ArrayLike, radius: float) -> Bools:
@@ -152,10 +168,6 @@ def _path_inside(draws: Draws, path_xy: ArrayLike, radius: float) -> Floats | No
     return path if draws.window.contains(path).all() else None
 
 
-def _unknown(n: int) -> Estimates:
-    return Estimates(*(np.full(n, np.nan) for _ in Estimates._fields))
-
-
 def _points(xy: ArrayLike) -> Floats:
     """Return `xy` as (n, 2) float64; an empty list is no point."""
     return np.asarray(xy, dtype=np.float64).reshape(-1, 2)
@@ -186,7 +198,7 @@ def estimates(black: NDArray[np.bool_], smallest_ess: float) -> Estimates:
     batch = max(1, MOST_VALUES // (n_chains * n_draws))
     starts = range(0, max(n, 1), batch)
     parts = [_batch(black[:, :, start : start + batch], smallest_ess) for start in starts]
-    return Estimates(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+    return Estimates(*np.concatenate(parts, axis=1))
 
 
 def smallest_ess(colours: NDArray[np.bool_], functionals: Floats) -> float:
@@ -226,6 +238,8 @@ def _batch(black: Bools, smallest_ess: float) -> Estimates:
 
 def _wilson(share: Floats, size: Floats, degrees: Floats) -> tuple[Floats, Floats]:
     """Return the probabilities whose `size` independent draws differ from `share` by the quantile of Student's t."""
+    from scipy import special  # noqa: PLC0415 - half a second, where an interval is asked for alone
+
     quantile = special.stdtrit(degrees, 0.5 * (1.0 + LEVEL))
     shrink = quantile**2 / size
     centre = (share + 0.5 * shrink) / (1.0 + shrink)

@@ -15,9 +15,8 @@ from prf.model.window import LARGEST_COORDINATE, Window
 from prf.poses.posterior import Trajectory
 from prf.readings import PointTable, Readings
 from prf.results import names
-from prf.results.mapfile import read_map_feature
-from prf.results.model import PosteriorImage
-from prf.results.run import Run
+from prf.results.geojson import read_map_feature
+from prf.results.run import PosteriorImage, RunData
 from prf.shell.cli.storage import OtherVersion, damaged, load_arrays, load_object, take_array
 from prf.shell.errors import InputError
 
@@ -29,7 +28,7 @@ LARGEST = 1e300
 """Beyond it lie whole numbers that no float holds."""
 
 
-def read_run(path: str | os.PathLike[str], parts: Collection[str] = PARTS) -> Run:
+def read_run_data(path: str | os.PathLike[str], parts: Collection[str] = PARTS) -> RunData:
     """Return the run in the directory `path`."""
     folder = Path(path)
     manifest = read_manifest(folder)
@@ -46,7 +45,7 @@ def read_run(path: str | os.PathLike[str], parts: Collection[str] = PARTS) -> Ru
         fields["best"], fields["best_log_posterior"] = read_best(folder / names.MAP)
     if names.DIAGNOSTICS in present:
         fields["diagnostics"] = load_object(folder / names.DIAGNOSTICS, names.SCHEMAS[names.DIAGNOSTICS])
-    return Run(manifest=manifest, path=folder, **fields)
+    return RunData(manifest=manifest, path=folder, **fields)
 
 
 def is_run(path: str | os.PathLike[str]) -> bool:
@@ -66,7 +65,7 @@ def read_manifest(folder: Path) -> dict[str, Any]:
 
 
 def read_draws(path: Path) -> dict[str, Any]:
-    """Return the fields of :class:`Run` that draws.npz holds."""
+    """Return the fields of :class:`RunData` that draws.npz holds."""
     arrays = load_arrays(path, names.SCHEMAS[names.DRAWS])
     draws = _take_draws(path, arrays)
     n = len(draws)
@@ -123,7 +122,7 @@ def read_image(path: Path) -> PosteriorImage:
 
 
 def read_readings(path: Path) -> dict[str, Any]:
-    """Return the fields of :class:`Run` that readings.npz holds; None for readings that the run did not use."""
+    """Return the fields of :class:`RunData` that readings.npz holds; None for readings that the run did not use."""
     arrays = load_arrays(path, names.SCHEMAS[names.READINGS])
     laser = _take_readings(path, arrays, "")
     sonar = _take_readings(path, arrays, names.SONAR_PREFIX) if names.SONAR_PREFIX + "angle" in arrays else None

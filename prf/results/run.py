@@ -1,59 +1,34 @@
-"""`Run`: draws of the posterior over maps, what was estimated on the way, and the answers that they give."""
+"""What a run of the sampler leaves, as data: draws of maps, the occupancy image, and where chains agree."""
 
 from __future__ import annotations
 
 import dataclasses
-import io
-import os
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any, Literal, NamedTuple, TypeVar, overload
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeVar
 
 import numpy as np
-import shapely
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from prf.model.coloring import Coloring, Draws, occupied_polygons
+from prf.model.coloring import Coloring, Draws
 from prf.poses.posterior import Trajectory
 from prf.readings import PointTable, Readings
-from prf.readings.arrays import as_paths, checked
-from prf.results import names
-from prf.results.model import PosteriorImage, Progress
-from prf.shell.cli.notebook import card
-from prf.shell.cli.outputs import exclusive, refuse_existing
+from prf.results.convergence import Diagnosis
+from prf.results.estimate import by_chain, smallest_ess
 from prf.shell.errors import InputError
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+    pass
 
-    from prf.results.estimate import Estimates
 
 Part = TypeVar("Part")
 
 
-class PointEstimates(NamedTuple):
-    """Probabilities that points are occupied, how far they are known, and whether the points were seen.
-
-    Attributes
-    ----------
-    probability, low, high, ess, rhat : (n,) float64
-        As :class:`prf.results.estimate.Estimates` has them.
-    seen : (n,) bool
-        Whether a reading crossed the cell of the image that holds the point, or ended in it.
-    """
-
-    probability: NDArray[np.float64]
-    low: NDArray[np.float64]
-    high: NDArray[np.float64]
-    ess: NDArray[np.float64]
-    rhat: NDArray[np.float64]
-    seen: NDArray[np.bool_]
-
-
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class Run:
-    """A run of the sampler: draws from the posterior over maps, and the answers that they give.
+class RunData:
+    """A run of the sampler, as data: what a RUN directory holds. People hold :class:`prf.output.run.Run` over it.
 
     A run may have been interrupted at any time, so it may have no draws; the other parts are None where the run
     wrote none, or where they were not read.
@@ -122,8 +97,6 @@ class Run:
     @cached_property
     def smallest_ess(self) -> float:
         """Effective sample size that draws which are all equal count for."""
-        from prf.results.estimate import by_chain, smallest_ess  # noqa: PLC0415
-
         functionals = np.column_stack([np.empty((len(self.chain), 0)), *self.functionals.values()])
         return smallest_ess(by_chain(self.probe_black, self.chain), by_chain(functionals, self.chain))
 
@@ -139,7 +112,7 @@ class Run:
             return self.trajectory.mean[:, :2]
         return np.zeros((0, 2)) if self.sensors is None else self.sensors.sensor_path()
 
-    def placed(self) -> Run:
+    def placed(self) -> RunData:
         """Return the run with its readings at the posterior means of their poses, for pictures of them."""
         found = self.trajectory
         if found is None:
@@ -160,202 +133,136 @@ class Run:
             f"{where}: no such file: the run ended before it was written. Resume it with prf sample --resume."
         )
 
-    @overload
-    def query(
-        self, points: ArrayLike, square: float = 0.0, *, interval: Literal[False] = False
-    ) -> NDArray[np.float64]: ...
 
-    @overload
-    def query(self, points: ArrayLike, square: float = 0.0, *, interval: Literal[True]) -> PointEstimates: ...
+LEAST_DIFFERENCE = 0.2
+"""Two chains differ at a cell if their shares of black do by more than this."""
+MOST_PLACES = 3
 
-    def query(
-        self, points: ArrayLike, square: float = 0.0, *, interval: bool = False
-    ) -> NDArray[np.float64] | PointEstimates:
-        """Return how probably each point is occupied.
 
-        Parameters
-        ----------
-        points : (n, 2) array
-            Metres.
-        square : float
-            Metres. 0: the share of draws that are black at the point. Else that of draws in which the square of this
-            side round the point is not completely white (Paskin & Thrun 2005, section 1.3.3).
-        interval : bool
-            Bound the Monte Carlo error too (docs/convergence.md).
+class Agreement(NamedTuple):
+    """Where chains agree."""
 
-        Returns
-        -------
-        (n,) float64, or PointEstimates
-            nan outside the window.
+    # share of the ground that readings saw at which no two chains differ by more than `LEAST_DIFFERENCE`;
+    # nan where there is no such ground, or nothing to compare
+    seen: float
+    unseen: float  # the same of the ground that no reading saw
+    # sets of connected cells of seen ground at which chains differ, largest first, at most three: x and y of the cell
+    # nearest to the middle in metres, area in square metres, largest difference of shares of black
+    places: list[tuple[float, float, float, float]]
 
-        Raises
-        ------
-        ArgumentError
-            If the points are no (n, 2) array of finite numbers.
-        InputError
-            If there are no draws yet.
-        """
-        from prf.results.estimate import occupied_estimates, occupied_probability  # noqa: PLC0415 - half a second
+    def words(self) -> str:
+        """Return the share of seen ground on which chains agree and where they differ most; empty if not known."""
+        if math.isnan(self.seen):
+            return ""
+        share = f"chains agree on {math.floor(100.0 * self.seen)} % of the seen ground"
+        where = ", ".join(f"({x:.1f}, {y:.1f})" for x, y, *_ in self.places)
+        return f"{share}; they differ most round {where}" if where else share
 
-        xy = checked("points", points, (None, 2))
-        if not interval:
-            return occupied_probability(self.draws, xy, square)
-        found = occupied_estimates(self.draws, self.chain, xy, square, self.smallest_ess)
-        return PointEstimates(*found, self._image.seen_at(xy))
+    def document(self) -> dict[str, Any]:
+        """Return it as JSON; an unknown share is null."""
+        shares = {"seen": self.seen, "unseen": self.unseen}
+        known = {name: None if math.isnan(share) else round(share, 4) for name, share in shares.items()}
+        return {**known, "places": [[round(value, 3) for value in place] for place in self.places]}
 
-    @overload
-    def paths(
-        self, paths: ArrayLike | Sequence[ArrayLike], radius: float, *, interval: Literal[False] = False
-    ) -> NDArray[np.float64]: ...
+    @classmethod
+    def of_document(cls, content: Mapping[str, Any]) -> Agreement:
+        """Return what :meth:`document` wrote."""
+        seen, unseen = (math.nan if content[name] is None else float(content[name]) for name in ("seen", "unseen"))
+        return cls(seen, unseen, [tuple(place) for place in content["places"]])
 
-    @overload
-    def paths(self, paths: ArrayLike | Sequence[ArrayLike], radius: float, *, interval: Literal[True]) -> Estimates: ...
 
-    def paths(
-        self, paths: ArrayLike | Sequence[ArrayLike], radius: float, *, interval: bool = False
-    ) -> NDArray[np.float64] | Estimates:
-        """Return how probably a disc can follow each path: jointly over all of it, map by map.
+def agreement(
+    disagreement: NDArray[np.float32], seen: NDArray[np.bool_], origin: NDArray[np.float64], resolution: float
+) -> Agreement:
+    """Return where chains agree; `disagreement` (ny, nx), `seen` (ny, nx), `origin` (2,)."""
+    known, differs = np.isfinite(disagreement), disagreement > LEAST_DIFFERENCE
+    seen_share, unseen_share = (
+        float(1.0 - differs[part].mean()) if part.any() else math.nan for part in (known & seen, known & ~seen)
+    )
+    return Agreement(seen_share, unseen_share, _places(disagreement, differs & seen, origin, resolution))
 
-        Parameters
-        ----------
-        paths : sequence of (k, 2) arrays
-            Corners in metres; one array (k, 2) is one path.
-        radius : float
-            Of the disc, metres.
-        interval : bool
-            Bound the Monte Carlo error too (docs/convergence.md).
 
-        Returns
-        -------
-        (n_paths,) float64, or Estimates
-            nan for a path that leaves the window.
+def _places(
+    disagreement: NDArray[np.float32], differs: NDArray[np.bool_], origin: NDArray[np.float64], resolution: float
+) -> list[tuple[float, float, float, float]]:
+    """Return the largest sets of cells connected along their sides."""
+    from scipy import ndimage  # noqa: PLC0415 - a fifth of a second
 
-        Raises
-        ------
-        ArgumentError
-            If a path is no (k, 2) array of finite numbers.
-        InputError
-            If there are no draws yet.
-        """
-        from prf.results.estimate import path_estimates, path_free  # noqa: PLC0415
+    label, _ = ndimage.label(differs)
+    size = np.bincount(label.ravel())
+    largest = 1 + np.argsort(-size[1:], kind="stable")[:MOST_PLACES]
+    places = []
+    for number in largest.tolist():
+        cells = np.argwhere(label == number)
+        middle = cells[np.argmin(((cells - cells.mean(axis=0)) ** 2).sum(axis=1))]
+        x, y = origin + (middle[::-1] + 0.5) * resolution
+        most = float(disagreement[label == number].max())
+        places.append((float(x), float(y), float(size[number] * resolution**2), most))
+    return places
 
-        if interval:
-            return path_estimates(self.draws, self.chain, as_paths(paths), radius, self.smallest_ess)
-        return np.array([path_free(self.draws, path, radius) for path in as_paths(paths)], np.float64)
 
-    @property
-    def best_map(self) -> shapely.MultiPolygon:
-        """The occupied area of the most probable map that was recorded; for a better one: prf anneal."""
-        return occupied_polygons(self._part(self.best, names.MAP))
+Status = Literal["running", "converged", "not converged", "finished", "interrupted"]
 
-    @property
-    def occupancy(self) -> NDArray[np.float32]:
-        """How probably the centre of each cell is occupied (ny, nx), row 0 lowest; :attr:`extent` locates it."""
-        return self._image.occupancy
+
+class Progress(NamedTuple):
+    """State of a run after a round."""
+
+    step: int  # steps that each chain has made
+    seconds: float  # since the start of sampling, in this process
+    steps_per_second: float  # over all chains
+    share: float  # of the goal that is reached, in [0, 1]; of the time limit when agreement is the goal
+    diagnoses: dict[str, Diagnosis] | None  # the latest check of agreement
+    status: Status  # "running" until the last round
+
+
+class PosteriorImage(NamedTuple):
+    """Occupancy image on square cells, estimated over every step after burn-in.
+
+    Attributes
+    ----------
+    occupancy : (ny, nx) float32
+        Share of steps in which the cell's centre is black; row 0 has the lowest y; nan where nothing is known.
+    square_occupancy : (ny, nx) float32
+        Share of steps in which the cell is not completely white.
+    origin : (2,) float64
+        Lower left corner of cell (0, 0) in metres.
+    resolution : float
+        Side of a cell in metres.
+    seen : (ny, nx) bool
+        Whether a reading of the chosen scans and beams, thinned away or not, crossed the cell or ended in it.
+    disagreement : (ny, nx) float32 or None
+        Largest difference between the shares of black of any two chains; nan where there is none. None of a grid.
+    """
+
+    occupancy: NDArray[np.float32]
+    square_occupancy: NDArray[np.float32]
+    origin: NDArray[np.float64]
+    resolution: float
+    seen: NDArray[np.bool_]
+    disagreement: NDArray[np.float32] | None = None
 
     @property
     def extent(self) -> tuple[float, float, float, float]:
-        """Left, right, bottom and top of :attr:`occupancy` in metres, as matplotlib's imshow takes them."""
-        return self._image.extent
+        """Left, right, bottom and top of the image in metres."""
+        n_rows, n_columns = self.occupancy.shape
+        x, y = float(self.origin[0]), float(self.origin[1])
+        return x, x + n_columns * self.resolution, y, y + n_rows * self.resolution
 
-    def save(self, folder: str | os.PathLike[str], *, force: bool = False) -> None:
-        """Write the run as prf sample does, for every verb to read; without a checkpoint, so not to be resumed.
+    def agreement(self) -> Agreement | None:
+        """Return where the chains agree; None of a grid."""
+        if self.disagreement is None:
+            return None
+        return agreement(self.disagreement, self.seen, self.origin, self.resolution)
 
-        Parameters
-        ----------
-        folder : path
-        force : bool
-            Replace what is there.
+    def seen_at(self, xy: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Return whether each of the points (n, 2), metres, lies in a cell that was seen; False outside the image."""
+        column, row = np.floor((xy - self.origin) / self.resolution).T
+        inside = (column >= 0) & (row >= 0) & (column < self.seen.shape[1]) & (row < self.seen.shape[0])
+        found = np.zeros(len(xy), np.bool_)
+        found[inside] = self.seen[row[inside].astype(np.int64), column[inside].astype(np.int64)]
+        return found
 
-        Raises
-        ------
-        OutputError
-            If it exists already, or cannot be written.
-        """
-        from prf.results.write import remove_stale_outputs, write_run  # noqa: PLC0415 - they import this module
-
-        target = Path(folder)
-        refuse_existing(target, force, is_folder=True)
-        with exclusive(target):
-            remove_stale_outputs(target)
-            write_run(target, self)
-            if self.image is not None:
-                dataclasses.replace(self, path=target).draw(target / names.PICTURE)
-
-    def report(self, path: str | os.PathLike[str], *, force: bool = False) -> None:
-        """Write a report: one page of HTML that opens without a network (docs/report.md).
-
-        Raises
-        ------
-        InputError
-            If there are no draws yet.
-        OutputError
-            If the file exists and may not be replaced (`force`), or cannot be written.
-        """
-        from prf.output.report import write_report  # noqa: PLC0415 - it imports this module
-
-        refuse_existing(path, force)
-        with exclusive(path):
-            write_report(os.fspath(path), self)
-
-    def draw(self, target: Path | IO[bytes]) -> None:
-        """Draw the posterior and its best map as PNG: the picture of a RUN."""
-        from prf.output.pictures import render_posterior  # noqa: PLC0415 - matplotlib takes a second
-
-        render_posterior(self, target)
-
-    def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the posterior and the edges of its best map into axes of matplotlib, in metres.
-
-        White is free, mid-grey unknown, black occupied, hatched what no reading saw, violet where chains differ.
-
-        Parameters
-        ----------
-        ax : matplotlib.axes.Axes, optional
-            New ones unless given.
-
-        Returns
-        -------
-        matplotlib.axes.Axes
-
-        Raises
-        ------
-        InputError
-            If the run has no image yet.
-        """
-        from prf.output.pictures.posterior import plot_posterior  # noqa: PLC0415
-
-        return plot_posterior(self, ax)
-
-    @property
-    def _image(self) -> PosteriorImage:
-        return self._part(self.image, names.POSTERIOR)
-
-    def _part(self, part: Part | None, file: str) -> Part:
-        if part is None:
-            raise self.missing(file)
-        return part
-
-    def _facts(self) -> dict[str, str]:
-        window, diagnosed = self.draws.window, self.diagnostics or {}
-        facts = {
-            "draws": f"{len(self.draws):,} of {self.n_chains} chains",
-            "window": f"{window.width:.4g} x {window.height:.4g} m from ({window.x_min:.4g}, {window.y_min:.4g})",
-            "status": str(self.manifest.get("status", "unknown")),
-            "agreement": str(diagnosed.get("reason", "unknown")),
-            "seed": str(self.manifest.get("seed", "unknown")),
-        }
-        return facts | ({} if self.path is None else {"folder": str(self.path)})
-
-    def __repr__(self) -> str:
-        """Return the run in a line."""
-        window = self.draws.window
-        status = self.manifest.get("status", "unknown")
-        return f"<prf.Run: {len(self.draws):,} draws, window {window.width:.4g} x {window.height:.4g} m, {status}>"
-
-    def _repr_html_(self) -> str:
-        """Return the card that a notebook shows."""
-        buffer = io.BytesIO()
-        if self.image is not None:
-            self.draw(buffer)
-        return card("Posterior over polygonal maps", self._facts(), buffer.getvalue() or None)
+    def sees(self, lines: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Return whether each line (n, 2, 2), metres, touches ground that was seen."""
+        along = lines[:, :1] + np.linspace(0.0, 1.0, 9)[:, None] * (lines[:, 1:] - lines[:, :1])
+        return np.asarray(self.seen_at(along.reshape(-1, 2)).reshape(-1, 9).any(axis=1))

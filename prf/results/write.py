@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 from prf.poses.posterior import Trajectory
 from prf.readings import Readings
 from prf.results import names
-from prf.results.mapfile import map_text
-from prf.results.model import PosteriorImage
-from prf.results.run import Run
+from prf.results.geojson import map_text
+from prf.results.run import PosteriorImage, RunData
 from prf.shell.cli.files import atomic_write
 from prf.shell.cli.jsonout import dump_object
 from prf.shell.cli.outputs import is_leftover, remove_leftovers
@@ -27,7 +26,7 @@ FILES = (names.MANIFEST, names.CHECKPOINT, names.PICTURE, names.TRAJECTORY, *nam
 """All that a RUN directory may hold, the manifest first: without it the others are no run."""
 
 
-def write_run(path: str | os.PathLike[str], run: Run) -> None:
+def write_run(path: str | os.PathLike[str], run: RunData) -> None:
     """Write all parts of `run` that are not None into the directory `path`, which is made if need be.
 
     Each file is replaced whole; the manifest is written last, so that a directory without one is no run yet. Files of
@@ -97,7 +96,7 @@ def write_manifest(folder: Path, manifest: Mapping[str, Any]) -> None:
     write_object(folder / names.MANIFEST, manifest)
 
 
-def write_draws(folder: Path, run: Run) -> None:
+def write_draws(folder: Path, run: RunData) -> None:
     """Write draws.npz: the draws, where each comes from, functionals and probe colours."""
     draws = run.draws
     functionals = {names.FUNCTIONAL_PREFIX + name: values for name, values in run.functionals.items()}
@@ -135,7 +134,7 @@ def write_image(folder: Path, image: PosteriorImage) -> None:
     save_arrays(folder / names.POSTERIOR, names.SCHEMAS[names.POSTERIOR], arrays)
 
 
-def write_readings(folder: Path, run: Run) -> None:
+def write_readings(folder: Path, run: RunData) -> None:
     """Write readings.npz; readings at or beyond the max range are written as inf, no laser as no beams."""
     laser = run.laser if run.laser is not None else Readings.from_arrays([0.0, 0.0], [], []).within(np.nan)
     arrays = {**_arrays_of(laser), names.WAY: run.way.astype(np.float64)}
@@ -183,7 +182,7 @@ def trajectory_lines(found: Trajectory) -> Iterator[str]:
         yield ",".join([str(scan), *("" if math.isnan(value) else repr(value) for value in row)])
 
 
-def write_best(folder: Path, run: Run) -> None:
+def write_best(folder: Path, run: RunData) -> None:
     """Write map.geojson from the best map of `run`, which must have one."""
     if run.best is None:
         raise ValueError("the run has no best map")

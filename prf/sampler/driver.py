@@ -14,7 +14,7 @@ from prf.results.convergence import Diagnosis, verdict
 from prf.sampler.chains import Sampler
 
 if TYPE_CHECKING:
-    from prf.results import Run
+    from prf.output.run import Run
     from prf.sampler.session import Session
 
 LONGEST = 1800.0

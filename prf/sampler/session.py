@@ -17,8 +17,9 @@ import numpy as np
 
 from prf.configuration import IN_MANIFEST, Configuration, Trajectory
 from prf.kernels import constants as c
+from prf.output.run import Run, read_run
 from prf.readings import log_stem
-from prf.results import PosteriorImage, Progress, Run, names, read_manifest, read_run, write_run
+from prf.results import PosteriorImage, Progress, names, read_manifest, write_run
 from prf.results.convergence import outlook, verdict
 from prf.results.write import (
     make_folder,

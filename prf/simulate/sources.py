@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from prf.model.arak import exact_draws
 from prf.model.window import Window
+from prf.results.geojson import area_of_cells, outline_of_cells
 from prf.results.score import OccupiedArea, read_occupied_area
-from prf.results.score.polygons import area_of_cells, outline_of_cells
 from prf.shell.cli.files import open_input
 from prf.shell.errors import ConfigError, InputError
 from prf.simulate.world import World

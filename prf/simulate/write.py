@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 import shapely
 
-from prf.output.pictures.layers import fill_map
+from prf.output.pictures.posterior import fill_map
 from prf.readings.describe import MAX_RANGE_SHARE
 from prf.readings.robot import CONE, PIONEER, mounted
 from prf.readings.table import OPTIONAL, REQUIRED
-from prf.results.mapfile import map_text
+from prf.results.geojson import map_text
 from prf.shell.cli import pictures as style
 from prf.shell.cli.files import Group, atomic_write, made_folder, together
 from prf.shell.cli.jsonout import dump_object

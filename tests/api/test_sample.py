@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 
 import prf
 from prf.cli import app
-from prf.results import read_run
+from prf.output.run import read_run
 from prf.results.estimate import occupied_probability
 from prf.shell.cli.run import run_app
 from prf.shell.errors import ArgumentError, ConfigError, InputError, Interrupted, OutputExists

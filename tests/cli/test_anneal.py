@@ -9,7 +9,7 @@ import pytest
 import shapely
 
 from prf.cli import app
-from prf.results.mapfile import read_map_feature
+from prf.results.geojson import read_map_feature
 from prf.shell.cli.run import run_app
 
 

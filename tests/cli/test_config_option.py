@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from prf.cli import app
-from prf.results import read_run
+from prf.output.run import read_run
 from prf.results.occupancy import read_grid
 from prf.shell.cli.run import run_app
 

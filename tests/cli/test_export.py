@@ -15,8 +15,9 @@ from prf.cli import app
 from prf.commands.export import Format
 from prf.model.coloring import occupied_polygons
 from prf.output.export import FORMATS
+from prf.output.run import read_run
 from prf.poses.plane import wrapped
-from prf.results import read_map_feature, read_run, write_run
+from prf.results import read_map_feature, write_run
 from prf.results.occupancy import OccupancyGrid, write_grid
 from prf.shell.cli.run import run_app
 from prf.shell.poses.files import read_pose_file

@@ -14,10 +14,10 @@ from prf.cli import app
 from prf.configuration import Configuration
 from prf.model.coloring import black_at, from_polygons
 from prf.model.window import Window
+from prf.output.run import read_run
 from prf.readings import Readings
 from prf.readings.table import write_table
-from prf.results import read_run
-from prf.results.mapfile import read_map_feature
+from prf.results.geojson import read_map_feature
 from prf.sampler.prepare import read_prepared
 from prf.shell.cli.run import run_app
 from tests.reference.beams import Sensor, draw_readings, impacts

@@ -10,7 +10,8 @@ import pytest
 
 from prf.cli import app
 from prf.model.coloring import Draws
-from prf.results import Run, read_run, write_run
+from prf.output.run import Run, read_run
+from prf.results import write_run
 from prf.results.estimate import occupied_probability
 from prf.shell.cli.run import run_app
 from tests.factories import WINDOW, make_run

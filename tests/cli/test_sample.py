@@ -15,7 +15,7 @@ import pytest
 
 from prf.cli import app
 from prf.model.coloring import violations
-from prf.results import read_run
+from prf.output.run import read_run
 from prf.sampler import chains
 from prf.shell.cli.run import run_app
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from prf.results import read_run
+from prf.output.run import read_run
 from tests.cli.calls import call
 from tests.readings.bags import LEVEL, START, Maker, Note, yaw
 from tests.readings.samples import flaser

@@ -12,9 +12,9 @@ from prf.cli import app
 from prf.configuration import Configuration
 from prf.kernels import constants as c
 from prf.model.window import Window
+from prf.output.run import read_run
 from prf.readings import Readings
 from prf.readings.table import write_table
-from prf.results import read_run
 from prf.sampler.prepare import read_prepared
 from prf.shell.cli.run import run_app
 from tests.reference.beams import Sensor

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from prf.cli import app
-from prf.results import read_run
+from prf.output.run import read_run
 from prf.shell.cli.run import run_app
 
 QUICK = ("--chains", "1", "--resolution", "0.5", "--seed", "3")

@@ -11,8 +11,9 @@ import pytest
 
 from prf.model.coloring import Coloring, Draws
 from prf.model.window import Window
+from prf.output.run import Run, read_run
 from prf.poses.plane import wrapped
-from prf.results import Run, read_map_feature, read_run, write_run
+from prf.results import read_map_feature, write_run
 from prf.results.inspection import inspect_files
 from prf.results.names import SCHEMAS
 from prf.results.write import remove_stale_outputs
@@ -235,7 +236,7 @@ def test_a_truncated_file_is_named(folder: Path, moved: Run, name: str) -> None:
 def test_unknown_versions_are_refused(folder: Path) -> None:
     manifest = json.loads((folder / "manifest.json").read_text())
     (folder / "manifest.json").write_text(json.dumps({**manifest, "schema": "prf.run/2"}))
-    with pytest.raises(InputError, match=r"manifest.json: version 2 of prf.results is not known.*reads version 1"):
+    with pytest.raises(InputError, match=r"manifest.json: version 2 of prf.run is not known.*reads version 1"):
         read_run(folder)
 
 

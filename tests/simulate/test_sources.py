@@ -15,8 +15,7 @@ from prf.model.coloring import violations
 from prf.model.window import Window
 from prf.output.export.cells import Cells, rasterise
 from prf.output.export.ros_map import ros_map
-from prf.results.mapfile import map_text
-from prf.results.score.polygons import outline_of_cells
+from prf.results.geojson import map_text, outline_of_cells
 from prf.shell.errors import InputError
 from prf.simulate import World, draw_world, office, read_world, roadmap
 from prf.simulate.sources import CellMap, _joined, read_cell_map, world_of_cells

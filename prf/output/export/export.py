@@ -18,7 +18,7 @@ from prf.output.export.ros_map import ros_map
 from prf.output.export.source import Source, read_source, require_existing, stem_of
 from prf.output.export.tum import trajectory_of, tum_text
 from prf.results import map_text
-from prf.results.agreement import agreement
+from prf.results.run import agreement
 from prf.shell.cli.files import STREAM, encoded, open_output, together
 from prf.shell.cli.outputs import exclusive, refuse_existing, refuse_inputs
 from prf.shell.errors import UsageError

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from prf import __version__
-from prf.results import Run
+from prf.results import RunData
 from prf.shell.cli.extras import require
 from prf.shell.cli.files import encoded
 from prf.shell.cli.jsonout import jsonable
@@ -35,7 +35,7 @@ class Chains(NamedTuple):
     n_left_out: int  # draws beyond the length of the shortest chain
 
 
-def align_chains(run: Run) -> Chains:
+def align_chains(run: RunData) -> Chains:
     """Return the first draws of every chain, as many as the shortest one has.
 
     All chains record at the same steps, so that the first draws belong together and the longer ones ran on alone.
@@ -50,7 +50,7 @@ def align_chains(run: Run) -> Chains:
     return Chains(numbers, aligned, len(run.chain) - aligned.size)
 
 
-def netcdf_bytes(run: Run) -> tuple[bytes, Chains]:
+def netcdf_bytes(run: RunData) -> tuple[bytes, Chains]:
     """Return a netCDF 4 file, and which draws it holds."""
     xarray, _, _ = (require(module, "netcdf", "--format netcdf") for module in ("xarray", ENGINE, "h5py"))
     chains = align_chains(run)
@@ -73,18 +73,18 @@ def netcdf_bytes(run: Run) -> tuple[bytes, Chains]:
     return stream.getvalue(), chains
 
 
-def _posterior(run: Run, rows: NDArray[np.int64]) -> dict[str, Any]:
+def _posterior(run: RunData, rows: NDArray[np.int64]) -> dict[str, Any]:
     variables = {name: _variable(name, values, rows) for name, values in run.functionals.items()}
     words = {"long_name": "1 where the map is black at the probe point", "units": "1"}
     variables["probe_black"] = ((*DIMENSIONS, "probe"), run.probe_black[rows].astype(np.int8), words)
     return variables
 
 
-def _probe_coordinates(run: Run) -> dict[str, Any]:
+def _probe_coordinates(run: RunData) -> dict[str, Any]:
     return {f"probe_{axis}": ("probe", run.probe_xy[:, i], {"units": "m"}) for i, axis in enumerate("xy")}
 
 
-def _sample_stats(run: Run, rows: NDArray[np.int64]) -> dict[str, Any]:
+def _sample_stats(run: RunData, rows: NDArray[np.int64]) -> dict[str, Any]:
     steps = {"long_name": "step of the chain, burn-in included", "units": "1"}
     stats: dict[str, Any] = {"step": (DIMENSIONS, run.step[rows], steps)}
     if {"log_prior", "log_likelihood"} <= run.functionals.keys():
@@ -97,7 +97,7 @@ def _variable(name: str, values: NDArray[np.float64], rows: NDArray[np.int64]) -
     return DIMENSIONS, values[rows], {"units": UNITS[name]} if name in UNITS else {}
 
 
-def _provenance(run: Run) -> dict[str, str]:
+def _provenance(run: RunData) -> dict[str, str]:
     """Return what ArviZ wants to read of every group."""
     return {
         "created_at": _text(run.manifest.get("created", "")),
@@ -106,14 +106,14 @@ def _provenance(run: Run) -> dict[str, str]:
     }
 
 
-def _attributes(run: Run, chains: Chains) -> dict[str, Any]:
+def _attributes(run: RunData, chains: Chains) -> dict[str, Any]:
     """Return the attributes of the file: a nested value as JSON text, as netCDF has no other place for it."""
     kept = ("status", "seed", "steps", "burn_in", "seconds", "configuration", "inputs", "versions", "command")
     found = {key: _attribute(run.manifest[key]) for key in kept if run.manifest.get(key) is not None}
     return {"schema": SCHEMA, "prf_version": _text(_version(run)), **found, "n_draws_left_out": chains.n_left_out}
 
 
-def _version(run: Run) -> object:
+def _version(run: RunData) -> object:
     """Return the version of prf that made the run, or this one's if the manifest has none."""
     return (run.manifest.get("versions") or {}).get("prf", __version__)
 
@@ -131,7 +131,7 @@ def _text(value: object) -> str:
     return encoded(str(value)).decode()
 
 
-def _acceptance(run: Run) -> dict[str, str]:
+def _acceptance(run: RunData) -> dict[str, str]:
     """Return the counts of proposed and accepted moves over all chains: they have no draw to belong to."""
     counts = (run.diagnostics or {}).get("acceptance")
     return {} if counts is None else {"acceptance": json.dumps(jsonable(counts), allow_nan=False)}

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 from prf.model.coloring import Coloring, from_polygons
 from prf.model.window import Window
-from prf.results import PosteriorImage, Run, names, read_map_feature, read_run
+from prf.results import PosteriorImage, RunData, names, read_map_feature, read_run_data
 from prf.results.occupancy import OccupancyGrid, is_grid, read_grid
 from prf.results.score import read_occupied_area
 from prf.shell.cli.files import open_input
@@ -36,11 +36,11 @@ class Source:
     """A run, a grid or a map; the others are None."""
 
     path: Path
-    run: Run | None = None
+    run: RunData | None = None
     grid: OccupancyGrid | None = None
     map: Map | None = None  # also the best map of the run, if it has one yet
 
-    def require_run(self, what: str) -> Run:
+    def require_run(self, what: str) -> RunData:
         """Return the run (InputError if the source is a grid or one map, which has not `what`)."""
         if self.run is None:
             kind = "one map" if self.grid is None else "a grid"
@@ -84,7 +84,7 @@ def read_source(path: str | os.PathLike[str]) -> Source:
         return Source(place, grid=read_grid(place))
     if not place.is_dir():
         return Source(place, map=_read_map(place))
-    run = read_run(place, PARTS)
+    run = read_run_data(place, PARTS)
     title = f"{stem_of(place)}, best map"
     best = None if run.best is None else Map(run.best, {"log_posterior": run.best_log_posterior}, title)
     return Source(place, run=run, map=best)
@@ -108,7 +108,7 @@ def _read_map(file: Path) -> Map:
         raise InputError(f"{file}: {error}. Part polygons that touch at a point.") from error
 
 
-def draw_number(run: Run, number: int) -> int:
+def draw_number(run: RunData, number: int) -> int:
     """Return the number of a draw from 0, of one that may be counted from the end (UsageError if there is none)."""
     n = len(run.draws)
     if not -n <= number < n:
@@ -117,7 +117,7 @@ def draw_number(run: Run, number: int) -> int:
     return number % n
 
 
-def _draw_of(run: Run, number: int) -> Map:
+def _draw_of(run: RunData, number: int) -> Map:
     number = draw_number(run, number)
     properties: dict[str, Any] = {
         "log_posterior": _log_posterior(run, number),
@@ -128,7 +128,7 @@ def _draw_of(run: Run, number: int) -> Map:
     return Map(run.draws[number], properties, f"{run.name}, draw {number}")
 
 
-def _log_posterior(run: Run, number: int) -> float | None:
+def _log_posterior(run: RunData, number: int) -> float | None:
     """Return prior and likelihood of a draw together, as far as the run knows them."""
     if not {"log_prior", "log_likelihood"} <= run.functionals.keys():
         return None

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from prf.model.coloring import Coloring
-from prf.output.pictures import layers
-from prf.results import Run, names
+from prf.output.pictures.posterior import draw_path, fill_map
+from prf.results import RunData, names
 from prf.shell.cli import pictures as style
 from prf.shell.cli.pictures import Target
 from prf.shell.errors import InputError, UsageError
@@ -25,7 +25,7 @@ GAP, CAPTION, EDGE, TITLE = 0.25, 0.45, 0.25, 0.7
 """Inches between maps, below each, at the edges of the page, and for a title."""
 
 
-def render_best(run: Run, target: Target, *, path: bool = False, title: str | None = None) -> None:
+def render_best(run: RunData, target: Target, *, path: bool = False, title: str | None = None) -> None:
     """Draw the best map, occupied area filled.
 
     `run`: with a best map. `path`: draw the sensor's path, if the run has beams. `title`: instead of the default one.
@@ -39,13 +39,13 @@ def render_best(run: Run, target: Target, *, path: bool = False, title: str | No
     )
     small = f"{run.name}  ·  {size}{score}  ·  {style.window_words(window)}"
     page, axes = style.map_page(window, style.margins_of(window), title or "Best map", small)
-    layers.fill_map(axes, run.best)
+    fill_map(axes, run.best)
     if path:
-        layers.draw_path(axes, run.path_xy)
+        draw_path(axes, run.path_xy)
     style.save(page, target)
 
 
-def render_draws(run: Run, target: Target, *, n_draws: int = 4, title: str | None = None) -> None:
+def render_draws(run: RunData, target: Target, *, n_draws: int = 4, title: str | None = None) -> None:
     """Draw several draws side by side, spread evenly over chains and time.
 
     `run`: with at least one draw. `n_draws`: how many; fewer if the run has fewer. `title`: instead of the default one.
@@ -94,7 +94,7 @@ def columns_for(n_maps: int, width: float) -> int:
     return -(-n_maps // n_rows)
 
 
-def spread_draws(run: Run, n_draws: int) -> tuple[list[Coloring], list[str]]:
+def spread_draws(run: RunData, n_draws: int) -> tuple[list[Coloring], list[str]]:
     """Return so many draws of a run, spread evenly over chains and time, and what to write below each."""
     chosen = spread(len(run.draws), n_draws)
     if not chosen:
@@ -114,7 +114,7 @@ def _draw_panel(axes: Axes, coloring: Coloring, caption: str, cell: float, width
     window: Window = coloring.window
     style.show_window(axes, window)
     style.bare_axes(axes)
-    layers.fill_map(axes, coloring)
+    fill_map(axes, coloring)
     style.scale_bar(axes, window, width, below=0.2 if width > 0.7 * cell else 0.37)
     below: dict[str, Any] = {"xycoords": "axes fraction", "textcoords": "offset points"}
     axes.annotate(

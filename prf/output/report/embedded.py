@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from prf.model.coloring import Draws, black_at_draws
 from prf.model.window import INTERIOR, Window
 from prf.poses.posterior import Trajectory
-from prf.results import PosteriorImage, Run
-from prf.results.agreement import DIFFERS
+from prf.results import PosteriorImage, RunData
+from prf.results.run import LEAST_DIFFERENCE
 from prf.shell.cli.page.markup import packed
 
 MAX_BYTES = 2_500_000
@@ -41,7 +41,7 @@ def step_of(window: Window) -> float:
     return min(FINEST, max(window.width, window.height) / STEPS)
 
 
-def fitting(run: Run) -> tuple[Run, Numbers]:
+def fitting(run: RunData) -> tuple[RunData, Numbers]:
     """Return the run with as many of its draws as fit into a page, evenly thinned, and these draws packed."""
     every, kept, numbers = 1, run, pack_draws(run)
     while len(numbers.text) > MAX_BYTES and len(kept.draws) > run.n_chains:
@@ -51,7 +51,7 @@ def fitting(run: Run) -> tuple[Run, Numbers]:
     return kept, numbers
 
 
-def thinned(run: Run, every: int) -> Run:
+def thinned(run: RunData, every: int) -> RunData:
     """Return the run with each chain's newest draw and every k-th before it."""
     rows = [np.flatnonzero(run.chain == chain)[::-1][::every] for chain in np.unique(run.chain)]
     keep = np.sort(np.concatenate(rows))
@@ -65,7 +65,7 @@ def thinned(run: Run, every: int) -> Run:
     )
 
 
-def pack_draws(run: Run) -> Numbers:
+def pack_draws(run: RunData) -> Numbers:
     """Return draws in the order of chains: their vertices, and their edges with the draws that have them."""
     order = np.argsort(run.chain, kind="stable")
     chain, place = run.chain[order], np.argsort(order)
@@ -124,11 +124,17 @@ def pack_image(image: PosteriorImage) -> Numbers:
     differs = np.zeros_like(image.occupancy) if image.disagreement is None else image.disagreement
     shares = [np.rint(255.0 * np.nan_to_num(part)).astype(np.uint8) for part in (image.occupancy, differs)]
     rows, columns = image.occupancy.shape
-    head = {"nx": columns, "ny": rows, "origin": image.origin, "resolution": image.resolution, "differs": 255 * DIFFERS}
+    head = {
+        "nx": columns,
+        "ny": rows,
+        "origin": image.origin,
+        "resolution": image.resolution,
+        "differs": 255 * LEAST_DIFFERENCE,
+    }
     return Numbers(head, packed(b"".join(part.tobytes() for part in (*shares, image.seen.astype(np.uint8)))))
 
 
-def pack_scene(run: Run) -> Numbers:
+def pack_scene(run: RunData) -> Numbers:
     """Return the sensor's path, as it was given and where it may be, ends of readings, edges of the best map seen."""
     window, step = run.draws.window, step_of(run.draws.window)
     given = np.zeros((0, 2)) if run.trajectory is None else run.trajectory.given[:, :2]
@@ -151,7 +157,7 @@ def _ellipses(found: Trajectory) -> NDArray[np.float64]:
     return np.concatenate([middle, middle + found.ellipses()], axis=1).reshape(-1, 6)
 
 
-def _outline(run: Run) -> NDArray[np.float64]:
+def _outline(run: RunData) -> NDArray[np.float64]:
     """Return the edges (n, 4) of the best map that touch ground which readings saw."""
     if run.best is None or run.image is None:
         return np.zeros((0, 4))

@@ -16,7 +16,7 @@ from prf.output.report.words import (
     title_of,
     trajectory_line,
 )
-from prf.results import Run, map_text, names
+from prf.results import RunData, map_text, names
 from prf.shell.cli.files import encoded, open_output
 from prf.shell.cli.page.markup import escape, packed_json, page
 from prf.shell.errors import InputError
@@ -32,7 +32,7 @@ class Written(NamedTuple):
     n_draws: int
 
 
-def write_report(path: str, run: Run, title: str | None = None) -> Written:
+def write_report(path: str, run: RunData, title: str | None = None) -> Written:
     """Write the report on a run, whole or not at all; ``-`` is standard output.
 
     `title` instead of the names of the logs. InputError if the run has no draws, or no image yet.
@@ -64,7 +64,7 @@ def write_report(path: str, run: Run, title: str | None = None) -> Written:
     return Written(len(encoded(text)), len(kept.draws), len(run.draws))
 
 
-def _data(run: Run, draws: Numbers, cells: Numbers, scene: Numbers) -> dict[str, Any]:
+def _data(run: RunData, draws: Numbers, cells: Numbers, scene: Numbers) -> dict[str, Any]:
     window = run.draws.window
     return {
         "name": run.name,
@@ -77,7 +77,7 @@ def _data(run: Run, draws: Numbers, cells: Numbers, scene: Numbers) -> dict[str,
     }
 
 
-def _best_map(run: Run) -> str | None:
+def _best_map(run: RunData) -> str | None:
     """Return the best map as `prf export --format geojson` writes it: it ends where readings do."""
     if run.best is None:
         return None

@@ -9,14 +9,13 @@ from typing import Any
 import numpy as np
 
 from prf.readings import log_stem
-from prf.results import Run
-from prf.results.agreement import Place
+from prf.results import RunData
 from prf.results.convergence import Diagnosis, time_words
 from prf.shell.cli.page.markup import escape, table
 from prf.shell.cli.pictures import counted, number, window_words
 
 
-def title_of(run: Run) -> str:
+def title_of(run: RunData) -> str:
     """Return what was mapped: the names of the logs, not that of their poses; else that of the run."""
     stems: list[str] = []
     poses = (run.manifest.get("configuration") or {}).get("poses")
@@ -26,7 +25,7 @@ def title_of(run: Run) -> str:
     return ", ".join(stems[:2]) or run.name
 
 
-def headline(run: Run) -> str:
+def headline(run: RunData) -> str:
     """Return what was mapped from what."""
     parts = [
         counted(run.laser.n_beams, "laser beam") if run.laser is not None else "",
@@ -38,7 +37,7 @@ def headline(run: Run) -> str:
     return f"{draws} from {readings}, over a window of {window_words(run.draws.window)}."
 
 
-def agreement_line(run: Run) -> str:
+def agreement_line(run: RunData) -> str:
     """Return whether the chains agree, as markup; each place where they differ is a button."""
     found, diagnosed = None if run.image is None else run.image.agreement(), run.diagnostics or {}
     state = {True: "converged", False: "not converged", None: "agreement unknown"}[diagnosed.get("converged")]
@@ -53,9 +52,9 @@ def agreement_line(run: Run) -> str:
     return f"{line}{_outlook(diagnosed)}."
 
 
-def _place_button(place: Place, after: str) -> str:
-    at = f"{place.x:.2f},{place.y:.2f},{math.sqrt(place.area):.2f}"
-    x, y = (number(round(value, 1) + 0.0, 1) for value in (place.x, place.y))  # never a negative zero
+def _place_button(place: tuple[float, float, float, float], after: str) -> str:
+    at = f"{place[0]:.2f},{place[1]:.2f},{math.sqrt(place[2]):.2f}"
+    x, y = (number(round(value, 1) + 0.0, 1) for value in place[:2])  # never a negative zero
     return f'<span class="keep"><button type="button" class="link" data-place="{at}">({x}, {y})</button>{after}</span>'
 
 
@@ -66,7 +65,7 @@ def _outlook(diagnosed: Mapping[str, Any]) -> str:
     return f"; about {time_words(seconds)} more would bring agreement" if seconds else ""
 
 
-def trajectory_line(run: Run) -> str:
+def trajectory_line(run: RunData) -> str:
     """Return how far poses that were sampled are from the given ones, and how well they are known."""
     if run.trajectory is None:
         return ""
@@ -74,7 +73,7 @@ def trajectory_line(run: Run) -> str:
     return f"{run.trajectory.words()}; the farthest by {number(100.0 * farthest, 1)} cm."
 
 
-def functional_table(run: Run) -> str:
+def functional_table(run: RunData) -> str:
     """Return R-hat and effective sample size of every functional, those that do not agree first."""
     rows = (run.diagnostics or {}).get("functionals") or {}
     found = {name: _diagnosis(row) for name, row in rows.items()}
@@ -97,7 +96,7 @@ def _cells(found: Diagnosis) -> tuple[str, ...]:
     return *figures, "seen" if found.seen else "not seen", state
 
 
-def origin_table(run: Run) -> str:
+def origin_table(run: RunData) -> str:
     """Return how the run was made: command, inputs, seed, steps, versions."""
     made = run.manifest
     rows = [
@@ -114,7 +113,7 @@ def origin_table(run: Run) -> str:
     return _plain(rows)
 
 
-def settings_table(run: Run) -> str:
+def settings_table(run: RunData) -> str:
     """Return the settings of the run, those that were given first."""
     given: Mapping[str, Any] = run.manifest.get("sources") or {}
     settings = run.manifest.get("configuration") or {}

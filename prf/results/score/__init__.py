@@ -1,8 +1,8 @@
 """How well a map predicts readings that it was not made from (docs/scores.md)."""
 
+from prf.results.geojson import OccupiedArea, read_occupied_area
 from prf.results.score.heldout import SCORE_DEFAULTS, HeldOut, HeldOutSonar, hold_out, hold_out_sonar
 from prf.results.score.maps import DrawsMap, GridMap, PolygonMap, ScoredMap, open_map
-from prf.results.score.polygons import OccupiedArea, read_occupied_area
 from prf.results.score.score import LabelledPoints, classification_scores, draw_points, ranking_area, score
 from prf.results.score.truth import TrueCells, true_cells
 

@@ -19,11 +19,11 @@ from prf.kernels.score.sonar import Scene, add_sonar_densities, grid_cones
 from prf.model.coloring import Coloring, Draws, black_at_draws
 from prf.model.laser import LaserModel
 from prf.model.window import Window
-from prf.results import PosteriorImage, estimate, names, read_run
+from prf.results import PosteriorImage, estimate, names, read_run_data
+from prf.results.geojson import OccupiedArea, area_of_cells, read_occupied_area
 from prf.results.occupancy import OccupancyGrid, is_grid, read_grid
 from prf.results.occupancy import occupied_probability as cells_occupied
 from prf.results.score.heldout import HeldOut, HeldOutSonar
-from prf.results.score.polygons import OccupiedArea, area_of_cells, read_occupied_area
 from prf.results.score.scene import enclosing_window, first_edges, outline, scene_of_coloring, scene_of_region
 from prf.shell.errors import InputError
 
@@ -286,6 +286,6 @@ def contours_of(grid: OccupancyGrid) -> BaseGeometry:
 def open_map(path: str | os.PathLike[str]) -> ScoredMap:
     """Return the map at `path`: a RUN directory, a GRID file, or else GeoJSON."""
     if Path(path).is_dir():
-        run = read_run(path, parts=(names.MAP, names.POSTERIOR))
+        run = read_run_data(path, parts=(names.MAP, names.POSTERIOR))
         return DrawsMap(run.draws, run.best, run.image)
     return GridMap(read_grid(path)) if is_grid(path) else PolygonMap(read_occupied_area(path))

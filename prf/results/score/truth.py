@@ -14,9 +14,9 @@ from prf.kernels.readings.sonar_features import BORDER, POSE_COS, POSE_SIN
 from prf.model.laser import window_exit
 from prf.model.layout import image_grid, pixel_centres
 from prf.model.window import Window
+from prf.results.geojson import OccupiedArea
 from prf.results.score.heldout import CLIP, OUTSIDE, HeldOut, HeldOutSonar
 from prf.results.score.maps import ScoredMap
-from prf.results.score.polygons import OccupiedArea
 from prf.results.score.scene import first_edges, outline
 from prf.shell.errors import InputError
 

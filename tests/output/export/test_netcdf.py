@@ -13,7 +13,8 @@ import pytest
 
 from prf.output.export import Options, export_source
 from prf.output.export.netcdf import align_chains
-from prf.results import Run, write_run
+from prf.output.run import Run
+from prf.results import write_run
 from prf.shell.errors import InputError
 from tests.factories import make_run
 

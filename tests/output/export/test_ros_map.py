@@ -15,7 +15,8 @@ from prf.output.export import Options, export_source
 from prf.output.export.cells import Cells, cells_of
 from prf.output.export.ros_map import pgm_bytes, ros_map
 from prf.output.export.source import read_source
-from prf.results import read_run, write_run
+from prf.output.run import read_run
+from prf.results import write_run
 from prf.results.estimate import occupied_probability
 from prf.results.occupancy import OccupancyGrid, write_grid
 from prf.shell.errors import InputError, UsageError

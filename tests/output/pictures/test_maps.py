@@ -15,7 +15,8 @@ from prf.model.coloring import Coloring, Draws, black_at
 from prf.model.window import Window
 from prf.output.pictures import render_beams, render_best, render_draws, render_maps, render_posterior
 from prf.output.pictures.maps import columns_for, spread
-from prf.results import Run, write_run
+from prf.output.run import Run
+from prf.results import write_run
 from prf.shell.cli.pictures import DPI, drawn_size, margins_of, round_length
 from prf.shell.cli.run import run_app
 from prf.shell.errors import InputError, UsageError

@@ -10,7 +10,7 @@ import numpy as np
 
 from prf.model.coloring import Draws
 from prf.model.window import Window
-from prf.results import Run
+from prf.output.run import Run
 from tests.factories import make_run
 
 WINDOW = Window(-3.25, 9_994.5, 4.7531, 10_001.0)

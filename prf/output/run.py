@@ -1,0 +1,242 @@
+"""`Run`: a run of the sampler as people hold it, who ask it, draw it, report on it and save it."""
+
+from __future__ import annotations
+
+import dataclasses
+import io
+import os
+from collections.abc import Collection, Sequence
+from pathlib import Path
+from typing import IO, TYPE_CHECKING, Literal, TypeVar, overload
+
+import numpy as np
+import shapely
+from numpy.typing import ArrayLike, NDArray
+
+from prf.model.coloring import occupied_polygons
+from prf.output.pictures import plot_posterior, render_posterior
+from prf.output.report import write_report
+from prf.readings.arrays import as_paths, checked
+from prf.results import PosteriorImage, RunData, names
+from prf.results.estimate import (
+    Estimates,
+    PointEstimates,
+    occupied_estimates,
+    occupied_probability,
+    path_estimates,
+    path_free,
+)
+from prf.results.read import PARTS, read_run_data
+from prf.results.write import remove_stale_outputs, write_run
+from prf.shell.cli.notebook import card
+from prf.shell.cli.outputs import exclusive, refuse_existing
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+Part = TypeVar("Part")
+
+
+def read_run(path: str | os.PathLike[str], parts: Collection[str] = PARTS) -> Run:
+    """Return the run in the directory `path`.
+
+    `parts`: files to read beside the manifest and the draws (:mod:`prf.results.names`).
+    """
+    return Run(**vars(read_run_data(path, parts)))
+
+
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class Run(RunData):
+    """A run of the sampler: draws from the posterior over maps, and the answers that they give.
+
+    The attributes are those of :class:`prf.results.RunData`. A run may have been interrupted at any time, so it may
+    have no draws; other parts are None where the run wrote none.
+    """
+
+    @overload
+    def query(
+        self, points: ArrayLike, square: float = 0.0, *, interval: Literal[False] = False
+    ) -> NDArray[np.float64]: ...
+
+    @overload
+    def query(self, points: ArrayLike, square: float = 0.0, *, interval: Literal[True]) -> PointEstimates: ...
+
+    def query(
+        self, points: ArrayLike, square: float = 0.0, *, interval: bool = False
+    ) -> NDArray[np.float64] | PointEstimates:
+        """Return how probably each point is occupied.
+
+        Parameters
+        ----------
+        points : (n, 2) array
+            Metres.
+        square : float
+            Metres. 0: the share of draws that are black at the point. Else that of draws in which the square of this
+            side round the point is not completely white (Paskin & Thrun 2005, section 1.3.3).
+        interval : bool
+            Bound the Monte Carlo error too (docs/convergence.md).
+
+        Returns
+        -------
+        (n,) float64, or :class:`prf.results.estimate.PointEstimates`
+            nan outside the window.
+
+        Raises
+        ------
+        ArgumentError
+            If the points are no (n, 2) array of finite numbers.
+        InputError
+            If there are no draws yet.
+        """
+        xy = checked("points", points, (None, 2))
+        if not interval:
+            return occupied_probability(self.draws, xy, square)
+        found = occupied_estimates(self.draws, self.chain, xy, square, self.smallest_ess)
+        return PointEstimates(*found, self._image.seen_at(xy))
+
+    @overload
+    def paths(
+        self, paths: ArrayLike | Sequence[ArrayLike], radius: float, *, interval: Literal[False] = False
+    ) -> NDArray[np.float64]: ...
+
+    @overload
+    def paths(self, paths: ArrayLike | Sequence[ArrayLike], radius: float, *, interval: Literal[True]) -> Estimates: ...
+
+    def paths(
+        self, paths: ArrayLike | Sequence[ArrayLike], radius: float, *, interval: bool = False
+    ) -> NDArray[np.float64] | Estimates:
+        """Return how probably a disc can follow each path: jointly over all of it, map by map.
+
+        Parameters
+        ----------
+        paths : sequence of (k, 2) arrays
+            Corners in metres; one array (k, 2) is one path.
+        radius : float
+            Of the disc, metres.
+        interval : bool
+            Bound the Monte Carlo error too (docs/convergence.md).
+
+        Returns
+        -------
+        (n_paths,) float64, or Estimates
+            nan for a path that leaves the window.
+
+        Raises
+        ------
+        ArgumentError
+            If a path is no (k, 2) array of finite numbers.
+        InputError
+            If there are no draws yet.
+        """
+        if interval:
+            return path_estimates(self.draws, self.chain, as_paths(paths), radius, self.smallest_ess)
+        return np.array([path_free(self.draws, path, radius) for path in as_paths(paths)], np.float64)
+
+    @property
+    def best_map(self) -> shapely.MultiPolygon:
+        """The occupied area of the most probable map that was recorded; for a better one: prf anneal."""
+        return occupied_polygons(self._part(self.best, names.MAP))
+
+    @property
+    def occupancy(self) -> NDArray[np.float32]:
+        """How probably the centre of each cell is occupied (ny, nx), row 0 lowest; :attr:`extent` locates it."""
+        return self._image.occupancy
+
+    @property
+    def extent(self) -> tuple[float, float, float, float]:
+        """Left, right, bottom and top of :attr:`occupancy` in metres, as matplotlib's imshow takes them."""
+        return self._image.extent
+
+    def save(self, folder: str | os.PathLike[str], *, force: bool = False) -> None:
+        """Write the run as prf sample does, for every verb to read; without a checkpoint, so not to be resumed.
+
+        Parameters
+        ----------
+        folder : path
+        force : bool
+            Replace what is there.
+
+        Raises
+        ------
+        OutputError
+            If it exists already, or cannot be written.
+        """
+        target = Path(folder)
+        refuse_existing(target, force, is_folder=True)
+        with exclusive(target):
+            remove_stale_outputs(target)
+            write_run(target, self)
+            if self.image is not None:
+                dataclasses.replace(self, path=target).draw(target / names.PICTURE)
+
+    def report(self, path: str | os.PathLike[str], *, force: bool = False) -> None:
+        """Write a report: one page of HTML that opens without a network (docs/report.md).
+
+        Raises
+        ------
+        InputError
+            If there are no draws yet.
+        OutputError
+            If the file exists and may not be replaced (`force`), or cannot be written.
+        """
+        refuse_existing(path, force)
+        with exclusive(path):
+            write_report(os.fspath(path), self)
+
+    def draw(self, target: Path | IO[bytes]) -> None:
+        """Draw the posterior and its best map as PNG: the picture of a RUN."""
+        render_posterior(self, target)
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the posterior and the edges of its best map into axes of matplotlib, in metres.
+
+        White is free, mid-grey unknown, black occupied, hatched what no reading saw, violet where chains differ.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            New ones unless given.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Raises
+        ------
+        InputError
+            If the run has no image yet.
+        """
+        return plot_posterior(self, ax)
+
+    @property
+    def _image(self) -> PosteriorImage:
+        return self._part(self.image, names.POSTERIOR)
+
+    def _part(self, part: Part | None, file: str) -> Part:
+        if part is None:
+            raise self.missing(file)
+        return part
+
+    def _facts(self) -> dict[str, str]:
+        window, diagnosed = self.draws.window, self.diagnostics or {}
+        facts = {
+            "draws": f"{len(self.draws):,} of {self.n_chains} chains",
+            "window": f"{window.width:.4g} x {window.height:.4g} m from ({window.x_min:.4g}, {window.y_min:.4g})",
+            "status": str(self.manifest.get("status", "unknown")),
+            "agreement": str(diagnosed.get("reason", "unknown")),
+            "seed": str(self.manifest.get("seed", "unknown")),
+        }
+        return facts | ({} if self.path is None else {"folder": str(self.path)})
+
+    def __repr__(self) -> str:
+        """Return the run in a line."""
+        window = self.draws.window
+        status = self.manifest.get("status", "unknown")
+        return f"<prf.Run: {len(self.draws):,} draws, window {window.width:.4g} x {window.height:.4g} m, {status}>"
+
+    def _repr_html_(self) -> str:
+        """Return the card that a notebook shows."""
+        buffer = io.BytesIO()
+        if self.image is not None:
+            self.draw(buffer)
+        return card("Posterior over polygonal maps", self._facts(), buffer.getvalue() or None)
