@@ -7,9 +7,17 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import pytest
+import shapely
+
 import prf.cli
-from benchmarks import commands
+from benchmarks import commands, trajectories
+from benchmarks.drives import JUDGING, TUNING, disturbed, loop_world
 from prf.configuration import Configuration
+from prf.poses.plane import compose
+from prf.simulate import read_world
+from prf.simulate.path import read_path
 
 TREES = {path.stem: ast.parse(path.read_text()) for path in Path(commands.__file__).parent.glob("*.py")}
 CALLS = ("prf", "made", "commands.prf", "commands.made")
@@ -83,3 +91,51 @@ def test_every_call_is_read() -> None:
     assert {"laser", "every_scan", "skip_scans", "max_range", "grid.method"} <= found["scores.grids", "grid"]
     assert {"laser.noise", "scale", "time_budget"} <= found["scores.sampled", "sample"]
     assert {"chains", "sampler.tiles", "laser.noise"} <= found["tiles.mapped", "sample"]
+
+
+# Drives of the benchmark of trajectories: rings that can be driven round, and logs that are disturbed as said.
+
+
+@pytest.mark.parametrize("seed", TUNING + JUDGING)
+def test_a_ring_is_driven_round_once_and_a_bit(tmp_path: Path, seed: int) -> None:
+    world, path = (read(file) for read, file in zip((read_world, read_path), loop_world(tmp_path, seed), strict=True))
+    path.check(world)
+    way = shapely.LineString(path.rows)
+    assert world.occupied.distance(way) > 0.2
+    assert shapely.Polygon(path.rows[:5]).covers(shapely.Point(path.rows[:4].mean(axis=0)))
+    assert way.length == pytest.approx(shapely.LinearRing(path.rows[:4]).length + 8.0)
+
+
+def test_poses_of_a_log_are_disturbed_one_by_one(data_dir: Path, tmp_path: Path) -> None:
+    drive = disturbed(tmp_path, data_dir / "demo-rooms.log.gz", [0.15, 0.03], 1)
+    assert drive.poses is not None
+    off = np.loadtxt(drive.poses, delimiter=",", skiprows=1) - drive.truth
+    assert (off / [0.15, 0.15, 0.03]).std() == pytest.approx(1.0, abs=0.2)
+
+
+# Figures of the benchmark of trajectories, on poses whose errors are known.
+
+
+ALONG = np.linspace(0.0, 6.0, 400)
+TRUTH = np.column_stack([5.0 * np.cos(ALONG), 4.0 * np.sin(ALONG), np.full(400, 3.14)])
+
+
+def test_errors_are_root_mean_squares_and_headings_are_turns() -> None:
+    found = trajectories.errors(TRUTH + np.array([0.3, -0.4, 0.01 - 2.0 * np.pi]), TRUTH)
+    assert (found["metres"], found["radians"]) == pytest.approx((0.5, 0.01))
+
+
+def test_evo_aligns_before_it_judges() -> None:
+    pytest.importorskip("evo")
+    moved = compose(np.array([[1.0, 2.0, 0.7]]), TRUTH)
+    noise = np.random.default_rng(1).normal(0.0, 0.02, (400, 2))
+    found = trajectories.evo_errors(moved + np.column_stack([noise, np.zeros(400)]), TRUTH)
+    assert found == pytest.approx({"ate": 0.02 * 2**0.5, "rpe": 0.04}, rel=0.08)
+
+
+def test_intervals_hold_the_truth_as_often_as_they_should() -> None:
+    sd = np.full((400, 3), 0.1)
+    error = np.random.default_rng(2).normal(0.0, [0.1, 0.2, 0.1], (400, 3))
+    sd[0], error[0] = 0.0, 5.0
+    found = trajectories.held(TRUTH + error, sd, TRUTH)
+    assert found == pytest.approx({"x": 0.95, "y": 0.67, "heading": 0.95}, abs=0.05)

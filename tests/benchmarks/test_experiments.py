@@ -3,21 +3,30 @@
 from __future__ import annotations
 
 import dataclasses
+import gzip
+import itertools
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import shapely
 
-from benchmarks import commands, figure4, scores
+from benchmarks import bitmap, commands, figure3, figure4, figure5, scores, unseen, unseen_rivals, unseen_sets
 from benchmarks.contours import contour_polygons, write_contours
+from benchmarks.unseen_sets import Map
+from mapq.labels import PLAUSIBLE, SUSPICIOUS, UNLABELLED
+from mapq.results.judged import Judged
+from prf.model.sonar import SonarModel
 from prf.readings import Readings, read_readings
 from prf.results import write_run
 from prf.results.occupancy import OccupancyGrid
 from prf.results.score import read_occupied_area
 from tests.factories import make_run
+from tests.mapq.factories import make_patches, wall
 
 
 def grid_of(rows: list[str]) -> OccupancyGrid:
@@ -91,3 +100,194 @@ def test_the_summary_has_the_best_rival_score_by_score() -> None:
     cells = scores.summary({"intel": rows}).splitlines()[-1].split(" | ")
     assert cells[:3] == ["| intel", "0.50", "0.50, 0.25 (grid 0)"]
     assert cells[5:7] == ["0.500, 0.750 (grid 1)"] * 2, "of AUC and of the share within 0.2 m the most is the best"
+
+
+# The scene of figure 3: sums that are 1, and features of both kinds.
+
+
+def test_the_scene_has_a_bit_of_everything_and_its_sums_are_one() -> None:
+    sight = figure3.look(SonarModel())
+    rows = figure3.rows_of(sight)
+    assert {row["kind"] for row in rows} == {"surface", "corner"}
+    assert sum(row["share"] for row in rows) + sight.returns.none == pytest.approx(1.0, abs=1e-12)
+    assert figure3.sums(sight)["density"] == pytest.approx(1.0, abs=1e-9)
+    surfaces = [row for row in rows if row["kind"] == "surface"]
+    assert len(figure3.visible_parts(sight)) == len(surfaces)
+
+
+# What the sonar experiment computes itself: shares of whole scans, and the comparison with the grids.
+
+
+def test_shares_are_whole_scans_without_those_held_out() -> None:
+    scans = list(range(200))
+    everything = figure5.mapping_scans(scans, 100.0)
+    assert everything == [scan for scan in scans if scan % 10 != 5]
+    for percent in (5.0, 10.0, 25.0, 50.0):
+        some = figure5.mapping_scans(scans, percent)
+        assert set(some) < set(everything)
+        assert len(some) == int(len(everything) * percent / 100)
+        gaps = [b - a for a, b in itertools.pairwise(some)]
+        assert max(gaps) - min(gaps) <= 2, "spread evenly over the drive, but for the scans held out"
+
+
+def test_a_share_keeps_the_rows_of_the_log(tmp_path: Path) -> None:
+    lines = ["x,y,theta,range,scan", *(f"1.5,2.5,{k}.0,,{scan}" for scan in range(40) for k in range(3))]
+    log = tmp_path / "sonar.csv.gz"
+    log.write_bytes(gzip.compress("\n".join(lines).encode()))
+    n = figure5.write_share(figure5.read_rows(log), 50.0, tmp_path / "half" / "sonar.csv")
+    written = (tmp_path / "half" / "sonar.csv").read_text().splitlines()
+    assert n == len(written) - 1 == 18 * 3
+    assert written[0] == lines[0]
+    assert set(written) <= set(lines)
+
+
+def row(kind: str, iou: float, nll: float, **changes: Any) -> dict[str, Any]:
+    """Return scores of a map."""
+    return {
+        "share": 5.0,
+        "settings": "fitted",
+        "map": kind,
+        "iou_occupied": iou,
+        "iou_free": 0.9,
+        "sonar_nll": nll,
+        **changes,
+    }
+
+
+def test_the_prf_must_be_ahead_of_the_better_grid_of_each_measure() -> None:
+    grids = [row("count grid", 0.1, 1.0, iou_free=0.8), row("log-odds grid", 0.3, 2.0, iou_free=0.7)]
+    assert figure5.lost([row(figure5.POSTERIOR, 0.4, 0.5), *grids]) == []
+    found = figure5.lost([row(figure5.POSTERIOR, 0.2, 1.5), *grids])
+    assert found == [
+        "PRF posterior, fitted, 5 %, iou_occupied: 0.200 against 0.300",
+        "PRF posterior, fitted, 5 %, sonar_nll: 1.500 against 1.000",
+    ]
+    assert (
+        figure5.lost([row(figure5.BEST, 0.1, 9.0, share=10.0), row("count grid", 0.0, 9.1, share=10.0, iou_free=0.0)])
+        == []
+    )
+
+
+def test_the_table_has_a_row_a_map_of_one_setting() -> None:
+    rows = [row(figure5.POSTERIOR, 0.25, 0.5, cell_brier=0.1), row("count grid", 0.1, 1.0, settings="defaults")]
+    assert figure5.table(rows, "fitted").splitlines()[2:] == ["| 5 % | PRF posterior | 0.250 | 0.900 | 0.500 | 0.100 |"]
+
+
+# The benchmark of the noisy bitmap: its truth, and what its baselines do where that is known.
+
+
+def test_the_truth_lies_inside_with_white_all_round() -> None:
+    truth = bitmap.bitmap(bitmap.shapes())
+    assert truth.shape == (bitmap.SIZE, bitmap.SIZE)
+    assert 0.15 < truth.mean() < 0.35
+    assert not truth[[0, -1]].any()
+    assert not truth[:, [0, -1]].any()
+    assert truth[10, 12], "a leg of the letter"
+    assert not truth[28, 26], "its counter"
+
+
+@pytest.mark.parametrize("diagonal", [False, True], ids=["4 neighbours", "8 neighbours"])
+def test_the_graph_cut_trades_pixels_for_borders(diagonal: bool) -> None:
+    """One black pixel: kept while its border costs less than the odds of a flip."""
+    noisy = np.zeros((9, 9), np.bool_)
+    noisy[4, 4] = True
+    border = 4.0 + (4.0 / np.sqrt(2.0) if diagonal else 0.0)
+    odds = np.log((1.0 - bitmap.FLIPS) / bitmap.FLIPS)
+    assert np.array_equal(bitmap.by_ising(noisy, 0.99 * odds / border, diagonal), noisy)
+    assert not bitmap.by_ising(noisy, 1.01 * odds / border, diagonal).any()
+
+
+def test_the_median_is_the_majority() -> None:
+    noisy = np.zeros((9, 9), np.bool_)
+    noisy[:, :4] = True
+    noisy[4, 1] = False
+    expected = noisy.copy()
+    expected[4, 1] = True
+    assert np.array_equal(bitmap.by_median(noisy, 3), expected)
+
+
+def test_the_best_in_hindsight_is_taken() -> None:
+    truth = np.eye(4, dtype=np.bool_)
+    found = bitmap.best_of([("none", ~truth), ("all", truth), ("half", truth & False)], truth)
+    assert found[:2] == (0.0, "all")
+
+
+def test_the_maps_find_a_half_plane() -> None:
+    """Few steps, and pixels so clear that the posterior mean is the truth but along the border."""
+    truth = np.zeros((bitmap.SIZE, bitmap.SIZE), np.bool_)
+    truth[:, :48] = True
+    noisy = truth ^ (np.random.default_rng(1).random(truth.shape) < bitmap.FLIPS)
+    image, best, _ = bitmap.by_maps(noisy, 1, 0.03, 30_000, 1)
+    assert image.occupancy.shape == truth.shape
+    assert bitmap.wrong(image.occupancy > 0.5, truth) < 0.02
+    assert best.n_edges < 60
+
+
+# The parts of the benchmark on maps never seen that decide what its figures mean.
+
+
+POSES = np.tile(np.eye(4), (7, 1, 1))
+
+
+@pytest.mark.parametrize(("error", "n_moved"), [("halves", 3), ("drift", 6), ("scans", 2)])
+def test_wrong_poses_are_off_by_the_given_size(error: str, n_moved: int):
+    off = np.linalg.norm(unseen_sets.wrong_poses(POSES, error, 0.6, 1)[:, :3, 3], axis=1)
+    assert np.count_nonzero(off) == n_moved
+    assert off.max() == pytest.approx(0.6)
+    assert off[0] == 0.0
+
+
+def test_thinning_keeps_one_point_of_so_many_with_its_fields():
+    cloud = make_patches([np.random.default_rng(1).random((3000, 3))], np.eye(3)[:1]).cloud
+    thinned = unseen_sets.thin(cloud.with_fields(number=np.arange(3000)), 3)
+    assert len(thinned) == pytest.approx(1000, abs=100)
+    np.testing.assert_array_equal(thinned.xyz, cloud.xyz[thinned.fields["number"]])
+
+
+def test_scans_spread_by_what_they_are_displaced():
+    rng = np.random.default_rng(1)
+    seen = [wall((0, 0), (8, 0)).sample(rng, 60.0, 0.02) + np.array([0.0, off, 0.0]) for off in (0.0, 0.1, 0.4)]
+    patches = make_patches([np.concatenate(seen)], np.eye(3)[1:2])
+    scan = np.repeat(np.arange(3), [len(each) for each in seen])
+    patches = replace(patches, cloud=patches.cloud.with_fields(scan=scan))
+    assert unseen_rivals.spread_of(patches) == pytest.approx([0.4], abs=0.02)
+
+
+def said(row: Map, label: list[int], score: list[float], metres: list[float]) -> unseen.Said:
+    """Return what is said of a map whose patches have 1 m² each."""
+    n, values = len(label), np.array(score)
+    called = values > 0.5
+    xyz = np.arange(3.0 * n).reshape(n, 3) / n
+    points = Judged(xyz, np.ones(n), called, values, *(np.full(n, np.nan),) * 2, 1.0, row.name)
+    plain = unseen_rivals.Plain(np.array(metres), np.full(n, np.nan), np.zeros(n), values.mean())
+    known = np.column_stack([values - 0.1, values, values + 0.1])
+    scores = {unseen.MODEL: values}
+    return unseen.Said(
+        row, np.array(label), plain, np.ones(n), called, values, scores, float(called.mean()), 1.0, points, known
+    )
+
+
+def test_a_set_is_summed_up_by_density():
+    good, bad, none = PLAUSIBLE, SUSPICIOUS, UNLABELLED
+    right = said(Map("a-right-1", "a", "right"), [good] * 10, [0.0] * 9 + [0.6], [0.0] * 10)
+    wrong = said(
+        Map("a-halves", "a", "wrong", "halves", 1.0, 1), [bad] * 6 + [none] * 4, [0.9] * 5 + [0.3] * 5, [0.9] * 10
+    )
+    sparse = said(Map("a-halves-6", "a", "wrong", "halves", 1.0, 1, 6), [bad] * 6, [0.9] * 3 + [0.3] * 3, [np.nan] * 6)
+    found = unseen.summary([right, wrong, sparse])
+    assert found["role"] == "judging"
+    assert found["false_alarms"] == {1: {"n": 10, "patches": 0.1, "area": 0.1}}
+    rank = found["ranks"][1]
+    assert (rank["n"], rank["recall_shipped"], rank["alarms_shipped"]) == (16, pytest.approx(5 / 6), 0.1)
+    assert rank[unseen.MODEL] == {"auc": pytest.approx(59 / 60), "recall": pytest.approx(5 / 6)}
+    assert found["ranks"][6] is None
+    assert found["compare"] == [2, 2]
+    assert found["compare_entropy"] == [1, 1]
+    assert found["thinning"] == pytest.approx(0.0)
+    assert found["growth"] == [0, 0]
+    assert found["disagreement"]["n"] == 20
+    assert found["disagreement"]["coverage"] == pytest.approx(14 / 20)
+    assert found["curve"]["n"] == [10, 0, 0, 0, 0, 10, 0]
+    text = "\n".join(unseen.lines({"a": {unseen.POINTS: found, unseen.SCANS: found}}))
+    assert "10.0 / 10.0" in text
+    assert "0.983 0.83" in text

@@ -11,7 +11,7 @@ import pytest
 from prf.model.coloring import black_at
 from prf.output.report import write_report
 from tests.factories import make_trajectory
-from tests.output.report.runs import WINDOW, slow_run
+from tests.output.report.test_page import WINDOW, slow_run
 
 PATHS = ("-2, 9996; -1, 9997", "0, 9999; 3, 9999; 3, 9996", "1, 9998", "-3.2, 9995; 4.7, 10000.9")
 FILLED = """async ([draw, points]) => {

@@ -12,7 +12,7 @@ from mapq.cloud import PointCloud
 from mapq.io import read_cloud, write_cloud
 from mapq.posed import MergeSettings, find_scans, merge_scans
 from tests.cli.mapq_samples import call
-from tests.mapq.io.test_ptx import ptx
+from tests.mapq.io.test_other_formats import ptx
 from tests.mapq.perturb.scenes import COURT, look, pose_at
 from tests.mapq.posed.test_find import write_e57
 from tests.shell.test_pose_files import rows

@@ -14,11 +14,13 @@ import pytest
 from scipy import integrate
 
 from prf.kernels import arak_sampler
+from prf.model import arak
 from prf.model.arak import exact_draws
 from prf.model.coloring import Coloring, Draws, violations
-from prf.model.window import BOTTOM, INTERIOR, LEFT, SIDES, TOP, Window
+from prf.model.window import BOTTOM, INTERIOR, LEFT, RIGHT, SIDES, TOP, Window
 from prf.sampler.prior import mcmc_draws
 from prf.shell.errors import ConfigError
+from tests.reference import arak_laws
 from tests.reference.arak_laws import log_density, log_partition, vertex_sines
 from tests.reference.slow_coloring import slow_log_density
 
@@ -177,3 +179,105 @@ def test_boundary_vertices_lie_exactly_on_their_side() -> None:
         on = draws.xy[draws.side == side]
         assert len(on) > 100
         assert np.all(on[:, 1 - side % 2] == window.side_coordinate(side))
+
+
+# The exact laws as functions: values by hand, by simulation long ago, and from one another.
+
+
+def test_means_of_the_unit_square() -> None:
+    assert arak.expected_edges(1.0, UNIT) == pytest.approx(4.0 + 4.0 * math.pi)  # Paskin & Thrun, section 1.3.2
+    assert arak.expected_edges(0.5, OBLONG) == pytest.approx(9.283, abs=1e-3)
+    assert arak.expected_length(2.0, UNIT) == pytest.approx(6.283, abs=1e-3)
+
+
+def test_laws_agree_with_one_another() -> None:
+    p = 0.8
+    ends = 2.0 * arak_laws.expected_interior_vertices(p, OBLONG) + arak_laws.expected_boundary_vertices(p, OBLONG)
+    assert arak.expected_edges(p, OBLONG) == pytest.approx(0.5 * ends)
+    assert arak_laws.expected_interior_vertices(p, OBLONG) == pytest.approx(
+        4.0 * arak_laws.expected_extremes(p, OBLONG)
+    )
+    sides = sum(arak_laws.expected_crossings(p, OBLONG.side_length(side)) for side in range(4))
+    assert arak_laws.expected_boundary_vertices(p, OBLONG) == pytest.approx(sides)
+    free = arak_laws.no_edge_probability(p, OBLONG.perimeter, OBLONG.area)
+    assert free == pytest.approx(2.0 * math.exp(-log_partition(p, OBLONG)))
+    # A segment is a convex set with twice its length for perimeter.
+    assert arak_laws.no_edge_probability(p, 2.0 * 0.3, 0.0) == pytest.approx(
+        math.exp(-arak_laws.expected_crossings(p, 0.3))
+    )
+    assert arak_laws.edge_length_rate(p) == pytest.approx(
+        arak_laws.expected_interior_vertices(p, UNIT) / arak.expected_length(p, UNIT)
+    )
+
+
+def test_colours_far_apart_are_independent() -> None:
+    assert arak_laws.same_colour_probability(1.0, 0.0) == 1.0
+    assert arak_laws.same_colour_probability(1.0, 100.0) == 0.5
+    assert arak_laws.four_point_correlation(1.0, 0.1, 0.2) == pytest.approx(
+        (2 * arak_laws.same_colour_probability(1.0, 0.1) - 1) * (2 * arak_laws.same_colour_probability(1.0, 0.2) - 1)
+    )
+
+
+@pytest.mark.parametrize(
+    ("scale", "value"), [(0.1, 0.2039), (0.5, 0.0991), (1.0, 0.0483), (2.0, 0.0174), (4.0, 0.0052)]
+)
+def test_black_variance_of_the_unit_square(scale: float, value: float) -> None:
+    assert arak_laws.black_fraction_variance(scale, UNIT) == pytest.approx(value, abs=1e-4)
+
+
+@pytest.mark.parametrize("window", [UNIT, OBLONG, Window(0.0, 0.0, 12.0, 0.5)])
+def test_black_variance_agrees_with_adaptive_quadrature(window: Window) -> None:
+    def integrand(v: float, u: float) -> float:
+        return (window.width - u) * (window.height - v) * math.exp(-4.0 * 0.6 * math.hypot(u, v))
+
+    total, _ = integrate.dblquad(integrand, 0.0, window.width, 0.0, window.height, epsabs=1e-11, epsrel=1e-11)
+    assert arak_laws.black_fraction_variance(0.6, window) == pytest.approx(total / window.area**2, rel=1e-7)
+
+
+def test_black_variance_of_a_dense_field_is_that_of_a_plane() -> None:
+    """Far from the border the integral of exp(-4 p r) over the plane is 2 pi / (4 p)^2."""
+    value = arak_laws.black_fraction_variance(50.0, Window(0.0, 0.0, 100.0, 80.0))
+    assert value == pytest.approx(0.25 * 2.0 * math.pi / 200.0**2 / 8000.0, rel=1e-3)
+
+
+def test_compare_puts_means_beside_the_laws() -> None:
+    draws = exact_draws(1.0, OBLONG, 2000, np.random.default_rng(1))
+    found = arak.compare(draws, 1.0)
+    assert found.n_draws == 2000
+    assert found.mean_edges == draws.n_edges.mean()
+    assert found.expected_edges == arak.expected_edges(1.0, OBLONG)
+    assert found.mean_edges == pytest.approx(found.expected_edges, rel=0.05)
+    assert found.mean_length == pytest.approx(found.expected_length, rel=0.05)
+
+
+WINDOW = Window(-1.0, 2.0, 3.0, 5.0)
+
+
+def test_measures() -> None:
+    assert (WINDOW.width, WINDOW.height, WINDOW.area, WINDOW.perimeter) == (4.0, 3.0, 12.0, 14.0)
+    assert WINDOW.centre == (1.0, 3.5)
+    assert WINDOW.to_array().tolist() == [-1.0, 2.0, 3.0, 5.0]
+
+
+def test_sides_are_numbered_counter_clockwise_from_the_bottom() -> None:
+    assert SIDES == (BOTTOM, RIGHT, TOP, LEFT) == (0, 1, 2, 3)
+    assert [WINDOW.side_coordinate(side) for side in SIDES] == [2.0, 3.0, 5.0, -1.0]
+    assert [WINDOW.side_length(side) for side in SIDES] == [4.0, 3.0, 4.0, 3.0]
+
+
+def test_contains_is_closed_and_false_for_nan() -> None:
+    points = [(-1.0, 2.0), (3.0, 5.0), (3.0 + 1e-12, 4.0), (0.0, math.nan), (0.0, 3.0)]
+    np.testing.assert_array_equal(WINDOW.contains(points), [True, True, False, False, True])
+    assert WINDOW.contains([]).shape == (0,)
+
+
+@pytest.mark.parametrize("bounds", [(0, 0, 0, 1), (0, 1, 1, 0), (math.nan, 0, 1, 1), (0, 0, math.inf, 1)])
+def test_an_impossible_window_is_a_config_error(bounds: tuple[float, float, float, float]) -> None:
+    with pytest.raises(ConfigError, match="window"):
+        Window.checked(*bounds)
+
+
+def test_checked_makes_floats() -> None:
+    window = Window.checked(0, 0, 2, 1)
+    assert window == Window(0.0, 0.0, 2.0, 1.0)
+    assert all(type(bound) is float for bound in window)

@@ -1,12 +1,27 @@
 from __future__ import annotations
 
+import gzip
+import io
+import json
+import subprocess
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
+import shapely
+import shapely.geometry
 from hypothesis import given
 from hypothesis import strategies as st
 
-from prf.readings import Readings
+from prf.model.layout import image_grid
+from prf.model.window import Window
+from prf.readings import Readings, describe, read_point_data, read_readings, write_table
+from prf.readings.ground import seen_by_beams, seen_by_cones
 from prf.readings.readings import beam_numbers
+from prf.shell.errors import InputError
+from tests.readings.sonar_sets import ARENA_WALLS, arena_readings, corridor8_readings
+from tests.reference.slow_sonar import Cone, reach_in
 
 
 def test_scalars_hold_for_every_beam():
@@ -52,3 +67,177 @@ def test_select(pick):
 def test_beam_numbers_count_within_each_scan(scans):
     expected = [scans[:i].count(scan) for i, scan in enumerate(scans)]
     np.testing.assert_array_equal(beam_numbers(np.array(scans, dtype=np.int64)), expected)
+
+
+# Cells that readings saw, against shapely.
+
+
+WINDOW = Window(-2.0, 1.0, 6.0, 7.0)
+GRID = image_grid(WINDOW, 0.25)
+
+
+def squares() -> np.ndarray:
+    x = GRID.x0 + GRID.cell * np.arange(GRID.nx)
+    y = GRID.y0 + GRID.cell * np.arange(GRID.ny)
+    low_x, low_y = np.meshgrid(x, y)
+    return shapely.box(low_x, low_y, low_x + GRID.cell, low_y + GRID.cell)
+
+
+def test_beams_see_the_cells_that_they_cross_up_to_their_end() -> None:
+    rng = np.random.default_rng(1)
+    origin = rng.uniform(WINDOW[:2], WINDOW[2:], (60, 2))
+    angle, ranges = rng.uniform(-np.pi, np.pi, 60), rng.uniform(0.1, 12.0, 60)
+    ranges[::7] = np.inf
+    seen = seen_by_beams(GRID, WINDOW, origin, angle, ranges, 9.0)
+    length = np.minimum(ranges, 9.0)
+    end = origin + length[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
+    lines = shapely.linestrings(np.stack([origin, end], axis=1))
+    crossed = shapely.intersects(squares()[..., None], lines).any(axis=-1)
+    assert seen.shape == (GRID.ny, GRID.nx)
+    assert (seen == crossed).all()
+    assert 0.2 < seen.mean() < 0.95
+
+
+def test_cones_see_no_less_than_they_cover_and_little_more() -> None:
+    rng = np.random.default_rng(2)
+    origin = rng.uniform(WINDOW[:2], WINDOW[2:], (12, 2))
+    angle, ranges = rng.uniform(-np.pi, np.pi, 12), rng.uniform(0.3, 3.0, 12)
+    ranges[0] = np.inf
+    seen = seen_by_cones(GRID, WINDOW, origin, angle, np.full(12, 0.35), ranges, 3.5)
+    length = np.minimum(
+        ranges, [reach_in(WINDOW, Cone(*xy, turn, 0.35), 3.5) for xy, turn in zip(origin, angle, strict=True)]
+    )
+    turn = angle[:, None] + 0.35 * np.linspace(-0.5, 0.5, 41)
+    rim = origin[:, None] + length[:, None, None] * np.stack([np.cos(turn), np.sin(turn)], axis=-1)
+    cones = shapely.union_all([shapely.Polygon([start, *ends]) for start, ends in zip(origin, rim, strict=True)])
+    covered = shapely.intersects(squares(), cones)
+    near = shapely.intersects(squares(), cones.buffer(GRID.cell))
+    assert (seen >= covered).all()
+    assert (seen <= near).all()
+
+
+# Point observations as CSV: what is read, and what is refused with its line.
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    return tmp_path / "points.csv"
+
+
+def test_columns_in_any_order_among_others(file: Path) -> None:
+    file.write_text('\ufeff# soil\n\n"Value", station,Y , x\n0.5,a,2,1\n# later\n-1e3,b, 4 ,3\n')
+    table = read_point_data(file)
+    assert np.array_equal(table.xy, [[1.0, 2.0], [3.0, 4.0]])
+    assert table.value.tolist() == [0.5, -1000.0]
+    assert table.line.tolist() == [4, 6]
+    assert table.source == str(file)
+
+
+def test_gzip_and_standard_input(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    text = b"x,y,value\n1,2,0\n3,4,1\n"
+    file.write_bytes(gzip.compress(text))
+    monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(text)))
+    for table in (read_point_data(file), read_point_data("-")):
+        assert np.array_equal(table.xy, [[1.0, 2.0], [3.0, 4.0]])
+        assert table.value.tolist() == [0.0, 1.0]
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("# nothing\n", "points.csv: the file is empty."),
+        ("1,2,3\n4,5,6\n", "points.csv:1: the header has no column x, y, value."),
+        ("x,y,value\n1,2,black\n", "points.csv:2: could not convert string 'black' to float64."),
+        ("x,y,value\n1,2,3\n\n1,2,nan\n", "points.csv:4: value is nan, but must be a finite number."),
+    ],
+)
+def test_what_cannot_be_read_is_named_with_its_line(file: Path, text: str, words: str) -> None:
+    file.write_text(text)
+    with pytest.raises(InputError) as caught:
+        read_point_data(file)
+    assert words in str(caught.value)
+
+
+def test_files_that_are_no_text(file: Path, tmp_path: Path) -> None:
+    file.write_bytes(gzip.compress(b"x,y,value\n1,2,3\n")[:-9])
+    with pytest.raises(InputError, match="cut off"):
+        read_point_data(file)
+    for missing in (tmp_path / "absent.csv", tmp_path):
+        with pytest.raises(InputError, match=missing.name):
+            read_point_data(missing)
+
+
+def test_values_that_are_no_colours_are_named_with_their_line(file: Path) -> None:
+    file.write_text("x,y,value\n1,2,0\n1,2,1\n\n3,4,0.3\n")
+    table = read_point_data(file)
+    with pytest.raises(InputError, match=r"points.csv:5: value is 0\.3, but binary"):
+        table.refuse_other_than_colours()
+    table._replace(value=np.array([0.0, 1.0, 1.0])).refuse_other_than_colours()
+
+
+def test_corridor(shared_data, tmp_path):
+    readings = corridor8_readings(shared_data / "prf/sonar/corridor8")
+    assert (readings.n_scans, readings.n_beams) == (413, 413 * 8)
+    assert readings.range.min() == 0.4
+    assert np.isinf(readings.range).mean() > 0.2
+    assert np.ptp(readings.time) == pytest.approx(92.8, abs=0.1)
+    summary = describe(readings, "corridor8")
+    assert (summary.kind, summary.devices) == ("sonar", ("table",))
+    write_table(tmp_path / "corridor8.csv", readings)
+    again = read_readings(str(tmp_path / "corridor8.csv"), "sonar")
+    np.testing.assert_array_equal(again.range, readings.range)
+    np.testing.assert_array_equal(again.cone, readings.cone)
+
+
+def test_arena(shared_data):
+    readings = arena_readings(shared_data / "prf/sonar/arena_known_map")
+    assert (readings.n_scans, readings.n_beams) == (5, 900)
+    assert np.isinf(readings.range).reshape(5, -1).sum(axis=1).tolist() == [0, 13, 10, 20, 12]
+    # No echo comes from nearer than the nearest wall, give or take what the placing by hand leaves.
+    a, b = ARENA_WALLS[:, 0], ARENA_WALLS[:, 1]
+    along = np.clip(np.sum((readings.origin[:, None] - a) * (b - a), axis=2) / np.sum((b - a) ** 2, axis=1), 0, 1)
+    nearest = np.linalg.norm(a + along[..., None] * (b - a) - readings.origin[:, None], axis=2).min(axis=1)
+    assert np.mean(readings.range > nearest - 0.06) > 0.98
+
+
+@pytest.fixture(scope="module")
+def readings(data_dir):
+    return read_readings(str(data_dir / "demo-office.log.gz"))
+
+
+@pytest.fixture(scope="module")
+def plan(data_dir):
+    feature = json.loads((data_dir / "demo-office.geojson").read_text())
+    return shapely.geometry.shape(feature["geometry"])
+
+
+def test_the_files_are_what_the_script_makes(data_dir, tmp_path, readings):
+    subprocess.run([sys.executable, str(data_dir / "make_demo_log.py"), str(tmp_path)], check=True)
+    made = read_readings(str(tmp_path / "demo-office.log.gz"))
+    # Another machine's sine may turn a centimetre over, no more.
+    np.testing.assert_allclose(made.range, readings.range, atol=0.011)
+    np.testing.assert_allclose(made.origin, readings.origin, atol=1e-4)
+    assert (tmp_path / "demo-office.geojson").read_text() == (data_dir / "demo-office.geojson").read_text()
+
+
+def test_it_is_small_and_unsuspicious(data_dir, readings):
+    summary = describe(readings, "demo")
+    assert (summary.n_scans, summary.n_beams, summary.suspicions) == (31, 5580, ())
+    assert (data_dir / "demo-office.log.gz").stat().st_size < 1e6
+
+
+def test_the_plan_is_valid_and_the_robot_drives_through_free_space(readings, plan):
+    assert plan.is_valid
+    assert shapely.distance(plan, shapely.points(readings.origin)).min() > 0.3
+
+
+def test_readings_agree_with_the_plan_but_for_outliers_and_misses(readings, plan):
+    direction = np.column_stack((np.cos(readings.angle), np.sin(readings.angle)))
+    rays = shapely.linestrings(np.stack((readings.origin, readings.origin + 30 * direction), axis=1))
+    distance = shapely.distance(shapely.points(readings.origin), shapely.intersection(rays, plan))
+    error = readings.range - np.where(np.isnan(distance), 81.83, distance)
+    near = np.abs(error) < 0.15
+    assert error[near].std() == pytest.approx(0.03, rel=0.05)
+    assert 0.02 < np.mean(~near) < 0.06
+    missed = readings.range == 81.83
+    assert 0.01 < np.mean(missed[np.isfinite(distance)]) < 0.03

@@ -1,12 +1,28 @@
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
+from prf.model.window import Window
 from prf.readings import Readings, thin
 from prf.readings.carmen import read_carmen
+from prf.readings.thinning import (
+    EVENNESS,
+    PASSING,
+    PLACE,
+    RARE,
+    Passages,
+    Strata,
+    draw_evenly,
+    strata_of,
+    thin_beams,
+    weights,
+)
 from prf.shell.errors import ConfigError, InputError
 from tests.readings.samples import flaser
 
@@ -104,3 +120,245 @@ def test_nothing_left(readings, wanted):
 def test_nothing_to_choose_from(readings):
     with pytest.raises(InputError, match="no readings"):
         thin(readings.select(np.zeros(readings.n_beams, dtype=bool)))
+
+
+# Fewer beams: what is kept of dense logs, strata and their quotas, and ground that stays passed.
+
+
+ROOM = Window(0.0, 0.0, 20.0, 10.0)
+REACH = 15.0
+DENSITY = 20.0
+BUDGET = DENSITY * ROOM.area
+
+
+class Log(NamedTuple):
+    origin: NDArray[np.float64]
+    angle: NDArray[np.float64]
+    range: NDArray[np.float64]
+
+    def kept(self, density: float = DENSITY) -> NDArray[np.int64]:
+        return thin_beams(ROOM, *self, REACH, density)
+
+    def ends(self) -> NDArray[np.float64]:
+        return self.origin + self.range[:, None] * np.column_stack([np.cos(self.angle), np.sin(self.angle)])
+
+    def with_beam(self, x: float, y: float, angle: float, reading: float) -> Log:
+        return Log(np.r_[self.origin, [[x, y]]], np.r_[self.angle, angle], np.r_[self.range, reading])
+
+
+def walk(n_scans: int, n_beams: int = 180, seed: int = 1) -> Log:
+    """Scans on the way along a room with walls half a metre inside the window, 3 cm of noise."""
+    rng = np.random.default_rng(seed)
+    origin = np.repeat(np.column_stack([np.linspace(2.0, 12.0, n_scans), np.full(n_scans, 5.0)]), n_beams, axis=0)
+    angle = np.tile(np.linspace(-np.pi, np.pi, n_beams, endpoint=False) + 1e-3, n_scans)
+    x, y = np.cos(angle), np.sin(angle)
+    along = np.where(x > 0, 19.5 - origin[:, 0], origin[:, 0] - 0.5) / np.abs(x)
+    across = np.where(y > 0, 9.5 - origin[:, 1], origin[:, 1] - 0.5) / np.abs(y)
+    return Log(origin, angle, np.minimum(along, across) + 0.03 * rng.standard_normal(len(angle)))
+
+
+@pytest.fixture(scope="module")
+def dense() -> Log:
+    return walk(400)
+
+
+def test_a_sparse_log_is_left_alone() -> None:
+    log = walk(20)
+    np.testing.assert_array_equal(log.kept(), np.arange(len(log.range)))
+
+
+def test_what_saves_less_than_a_quarter_is_left_alone() -> None:
+    log = walk(30)
+    per_area = len(log.range) / ROOM.area
+    assert len(log.kept(0.8 * per_area)) == len(log.range)
+    assert len(log.kept(0.6 * per_area)) < 0.75 * len(log.range)
+
+
+def test_zero_density_keeps_all(dense: Log) -> None:
+    assert len(dense.kept(0.0)) == len(dense.range)
+
+
+def test_chosen_beams_are_a_subset_in_their_order_and_every_time_the_same(dense: Log) -> None:
+    kept = dense.kept()
+    assert (np.diff(kept) > 0).all()
+    assert 0 <= kept[0] <= kept[-1] < len(dense.range)
+    np.testing.assert_array_equal(kept, dense.kept())
+
+
+def test_number_is_the_budget_however_often_the_log_is_repeated(dense: Log) -> None:
+    """Of ground that many beams see, what coverage adds is a small part."""
+    often = Log(*(np.concatenate([array] * 10) for array in dense))
+    for log in (dense, often):
+        assert 0.9 * BUDGET < len(log.kept()) < 1.1 * BUDGET
+
+
+def test_ten_times_the_scans_keep_no_more() -> None:
+    few, many = len(walk(200).kept()), len(walk(2000).kept())
+    assert abs(many - few) < 0.05 * few
+
+
+def test_every_square_with_a_return_keeps_one(dense: Log) -> None:
+    squares = np.floor(dense.ends() / PLACE).astype(int)
+    assert {tuple(square) for square in squares} == {tuple(square) for square in squares[dense.kept()]}
+
+
+def test_a_lone_return_where_thousands_pass_stays(dense: Log) -> None:
+    """Alone in its square it is all that speaks for an obstacle there."""
+    log = dense.with_beam(7.0, 5.0, 0.3, 1.6)
+    assert len(log.range) - 1 in log.kept()
+
+
+def test_a_lone_beam_without_return_stays(dense: Log) -> None:
+    log = dense.with_beam(7.0, 5.0, 0.3, np.inf)
+    assert len(log.range) - 1 in log.kept()
+
+
+def test_a_look_through_a_door_stays(dense: Log) -> None:
+    """One beam alone shows that the ground behind the wall is free; its end has company on the wall."""
+    hidden = Log(*(array[dense.ends()[:, 0] < 15.0] for array in dense))
+    log = hidden.with_beam(12.0, 5.0, 0.05, 7.45)
+    assert len(log.range) - 1 in log.kept()
+
+
+def test_directions_and_times_at_one_place_stay_mixed(dense: Log) -> None:
+    """On a stretch of wall that 400 scans see: from both ends of the way, and from the left and the right."""
+    kept = dense.kept()
+    end = dense.ends()[kept]
+    there = kept[(np.abs(end[:, 0] - 7.0) < 1.0) & (end[:, 1] > 9.0)]
+    assert len(there) > 10
+    scan = there // 180
+    assert np.ptp(scan) > 300
+    assert (np.cos(dense.angle[there]) > 0.3).any()
+    assert (np.cos(dense.angle[there]) < -0.3).any()
+
+
+def test_across_a_wall_beams_are_thinned_alike(dense: Log) -> None:
+    """The scatter of the kept returns about the wall is that of all: no preference for the fringe of its blur."""
+
+    def scatter(beams: NDArray[np.int64]) -> float:
+        y = dense.ends()[beams, 1]
+        return float(np.std(y[y > 9.2]))
+
+    assert abs(scatter(dense.kept()) / scatter(np.arange(len(dense.range))) - 1.0) < 0.15
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.integers(1, 400), st.floats(0.05, 30.0))
+def test_readings_of_any_kind_give_a_subset_in_order(seed: int, n: int, density: float) -> None:
+    rng = np.random.default_rng(seed)
+    origin = rng.uniform((0.01, 0.01), (19.99, 9.99), (n, 2))
+    reading = np.where(rng.random(n) < 0.2, np.inf, rng.exponential(4.0, n))
+    log = Log(origin, rng.uniform(-10.0, 10.0, n), reading)
+    kept = log.kept(density)
+    assert len(kept) >= 1
+    assert (np.diff(kept) > 0).all()
+    np.testing.assert_array_equal(kept, log.kept(density))
+
+
+WINDOW = Window(0.0, 0.0, 8.0, 8.0)
+
+
+def made(sizes: list[int], alike: list[int] | None = None) -> Strata:
+    size = np.array(sizes)
+    return Strata(np.arange(size.sum()), size, size if alike is None else np.array(alike))
+
+
+def test_beams_of_a_stratum_share_square_direction_and_outcome() -> None:
+    rng = np.random.default_rng(1)
+    origin, end = rng.uniform(0.1, 7.9, (2, 3000, 2))
+    returned = rng.random(3000) < 0.7
+    strata = strata_of(WINDOW, origin, end, returned)
+    np.testing.assert_array_equal(np.sort(strata.order), np.arange(3000))
+    towards = np.floor((np.arctan2(*(end - origin).T[::-1]) + np.pi) / (np.pi / 4.0)).astype(int) % 8
+    names = [
+        (*square, outcome) for square, outcome in zip(np.floor(end / 0.5).astype(int).tolist(), returned, strict=True)
+    ]
+    start = 0
+    for size, alike in zip(strata.size, strata.alike, strict=True):
+        members = strata.order[start : start + size]
+        assert len({names[i] + (towards[i],) for i in members}) == 1
+        assert (np.diff(members) > 0).all()
+        assert alike == names.count(names[members[0]])
+        start += size
+
+
+def test_quotas_fill_the_budget_and_grow_as_the_power_of_the_size() -> None:
+    strata = made([100, 400, 1600, 6400])
+    share = weights(strata, 200.0)
+    assert strata.size @ share == pytest.approx(200.0)
+    quota = strata.size * share
+    np.testing.assert_allclose(quota[1:] / quota[:-1], 4.0**EVENNESS)
+
+
+def test_rare_beams_are_first() -> None:
+    share = weights(made([1, 2, 100_000]), 50.0)
+    assert share[0] == share[1] == 1.0
+    np.testing.assert_allclose(weights(made([300, 100], [400, 400]), 1.0), RARE / 400)
+
+
+def test_no_stratum_gives_more_than_it_has() -> None:
+    share = weights(made([5, 5, 1000]), 900.0)
+    assert (share <= 1.0).all()
+    assert share[0] == 1.0
+
+
+def test_drawing_is_even_and_keeps_the_certain() -> None:
+    strata = made([3, 10, 10, 1000])
+    kept = draw_evenly(strata, np.array([1.0, 0.25, 0.25, 0.125]))
+    assert kept[:3].all()
+    assert kept[3:23].sum() == 5
+    assert abs(kept[23:].sum() - 125) <= 1
+    assert set(np.diff(np.flatnonzero(kept[23:]))) == {8}
+
+
+WINDOW = Window(0.0, 0.0, 12.0, 7.0)
+
+
+def beams(n: int, seed: int = 2) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    rng = np.random.default_rng(seed)
+    low, high = np.array(WINDOW[:2]), np.array(WINDOW[2:])
+    return rng.uniform(low, high, (n, 2)), rng.uniform(low, high, (n, 2))
+
+
+def passes_of(passages: Passages, chosen: NDArray[np.bool_]) -> NDArray[np.int64]:
+    return passages._count(chosen)
+
+
+def test_every_point_of_a_beam_lies_in_a_cell_that_it_passes() -> None:
+    start, end = beams(40)
+    for share in np.linspace(0.0, 1.0, 101):
+        at = start + share * (end - start)
+        for i in range(0, 40, 7):
+            passages = Passages(WINDOW, start[i : i + 1], end[i : i + 1])
+            grid = passages._grid
+            column, row = ((at[i] - [grid.x0, grid.y0]) / grid.cell).astype(int)
+            assert passages._passes[row * grid.nx + column] == 1
+
+
+def test_seen_ground_is_that_of_the_squares_passed() -> None:
+    row = np.array([[0.5, 3.5]]), np.array([[11.5, 3.5]])
+    assert 11.0 <= Passages(WINDOW, *row).seen_area() <= 13.0
+    once, often = Passages(WINDOW, *beams(3000)), Passages(WINDOW, *beams(6000))
+    assert once.seen_area() == pytest.approx(often.seen_area())
+    assert once.seen_area() >= WINDOW.area
+
+
+@pytest.mark.parametrize("kept_share", [0.0, 0.03, 0.3])
+def test_completed_beams_pass_every_cell_twice_or_as_often_as_all(kept_share: float) -> None:
+    start, end = beams(1500)
+    passages = Passages(WINDOW, start, end)
+    kept = np.random.default_rng(3).random(1500) < kept_share
+    before = kept.copy()
+    passages.complete(kept)
+    assert kept[before].all()
+    wanted = np.minimum(passes_of(passages, np.ones(1500, np.bool_)), PASSING)
+    assert (passes_of(passages, kept) >= wanted).all()
+    assert kept.sum() < 700
+
+
+def test_cells_of_a_vast_window_stay_few(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("prf.readings.thinning.MAX_CELLS", 500)
+    start, end = beams(50)
+    passages = Passages(WINDOW, start, end)
+    assert passages._grid.nx * passages._grid.ny < 1000
+    assert 0.0 < passages.seen_area() < 4.0 * WINDOW.area

@@ -2,15 +2,20 @@ from __future__ import annotations
 
 import errno
 import gzip
+import hashlib
 import io
 import os
 import stat
+import zipfile
 from pathlib import Path
 from typing import IO
 
+import numpy as np
 import pytest
 
 from prf.shell.cli import files
+from prf.shell.cli.manifest import describe_input, describe_process, versions
+from prf.shell.cli.storage import load_arrays, load_object
 from prf.shell.errors import InputError, OutputError
 
 
@@ -188,3 +193,87 @@ def test_gzip_is_unpacked_and_its_damage_named() -> None:
     ):
         with pytest.raises(InputError, match=f"a.gz: the gzip file is {words}"):
             files.gunzip(data, "a.gz")
+
+
+# Archives and JSON of ours that somebody else wrote, or a disk damaged.
+
+
+SCHEMA = "prf.some/1"
+
+
+def archive(path, packing=zipfile.ZIP_STORED, **members: bytes):
+    with zipfile.ZipFile(path, "w", packing) as stream:
+        for name, data in members.items():
+            stream.writestr(f"{name}.npy", data)
+    return path
+
+
+def stored(array) -> bytes:
+    stream = io.BytesIO()
+    np.save(stream, array)
+    return stream.getvalue()
+
+
+def with_header(text: str) -> bytes:
+    head = text.encode().ljust(117) + b"\n"
+    return b"\x93NUMPY\x01\x00" + len(head).to_bytes(2, "little") + head
+
+
+def refusal(read, *args) -> str:
+    with pytest.raises(InputError) as caught:
+        read(*args)
+    assert str(caught.value).isprintable()
+    return str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "member",
+    [
+        with_header("{'descr': '<f8', 'fortran_order': False, 'shape': (1000000000000,)}"),
+        with_header("{'descr': '|O', 'fortran_order': False, 'shape': (3,)}"),
+        b"",
+        stored(np.ones(9))[:-1],
+    ],
+    ids=["terabytes", "pickled", "empty", "cut"],
+)
+def test_damaged_arrays_are_reported(tmp_path, member, recwarn):
+    path = archive(tmp_path / "a.npz", schema=stored(np.str_(SCHEMA)), values=member)
+    assert str(path) in refusal(load_arrays, path, SCHEMA)
+    assert len(recwarn) == 0
+
+
+@pytest.mark.parametrize("text", ["[" * 100_000, '{"a": ' + "9" * 5000 + "}"])
+def test_truncated_json_is_reported(tmp_path, text):
+    (tmp_path / "a.json").write_text(text)
+    assert "damaged" in refusal(load_object, tmp_path / "a.json", SCHEMA)
+
+
+def test_input_is_named_by_its_digest(tmp_path: Path) -> None:
+    log = tmp_path / "a.log"
+    log.write_bytes(b"FLASER 0\n")
+    assert describe_input(log) == {
+        "path": str(log),
+        "sha256": hashlib.sha256(b"FLASER 0\n").hexdigest(),
+        "bytes": 9,
+    }
+
+
+def test_standard_input_has_no_digest() -> None:
+    assert describe_input("-") == {"path": "-", "sha256": None, "bytes": None}
+
+
+def test_missing_input_is_an_input_error(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="absent"):
+        describe_input(tmp_path / "absent")
+
+
+def test_versions_are_those_that_run() -> None:
+    assert versions()["numpy"] == np.__version__
+    assert set(versions()) >= {"python", "numpy", "numba", "prf"}
+
+
+def test_process_lists_its_inputs(tmp_path: Path) -> None:
+    (tmp_path / "a").touch()
+    described = describe_process([tmp_path / "a"])
+    assert [entry["bytes"] for entry in described["inputs"]] == [0]
+    assert described["platform"]["machine"]

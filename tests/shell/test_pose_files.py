@@ -1,12 +1,19 @@
 from __future__ import annotations
 
+import errno
 import gzip
+import os
+from pathlib import Path
+from types import SimpleNamespace
+from unittest import mock
 
 import numpy as np
 import pytest
 
 from prf.shell.errors import InputError
+from prf.shell.poses.bag import bag_in, bag_suffix, open_bag
 from prf.shell.poses.files import read_pose_file
+from prf.shell.poses.tf import FrameTree
 from tests.mapq.perturb.scenes import pose_at
 
 POSES = np.array([pose_at(1.0, 2.0, 30.0), pose_at(-4.0, 5.0, -100.0)])
@@ -124,3 +131,66 @@ def test_rounded_rotations_become_exact(tmp_path):
 def test_what_is_no_pose_is_refused_with_its_line(text, message, tmp_path):
     with pytest.raises(InputError, match=message):
         read_pose_file(written(tmp_path, text))
+
+
+def test_a_mount_that_never_changes_holds_at_all_times() -> None:
+    tree = FrameTree()
+    turn = SimpleNamespace(x=0.0, y=0.0, z=0.0, w=1.0)
+    for time in (10.0, 11.0):
+        tree.add("base", "laser", time, (SimpleNamespace(x=0.2, y=0.0, z=0.0), turn), is_static=False)
+        tree.add("odom", "base", time, (SimpleNamespace(x=time, y=0.0, z=0.0), turn), is_static=False)
+    times = np.array([0.0, 10.5, 99.0])
+    mount, base = tree.poses("base", "laser", times), tree.poses("odom", "base", times)
+    assert mount is not None
+    assert base is not None
+    assert mount.known.all()
+    np.testing.assert_array_equal(mount.shift[:, 0], 0.2)
+    assert base.known.tolist() == [False, True, False]
+
+
+@pytest.mark.parametrize(
+    ("head", "suffix"),
+    [
+        (b"#ROSBAG V2.0\n", ".bag"),
+        (b"\x89MCAP0\r\n", ".mcap"),
+        (b"SQLite format 3\0", ".db3"),
+        (b"#ROSBAG V1.2\n", ""),
+        (b"", ""),
+    ],
+)
+def test_bags_are_known_by_their_content(head: bytes, suffix: str) -> None:
+    assert bag_suffix(head) == suffix
+
+
+def test_the_bag_in_a_folder(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"without metadata.yaml and with no bag file. Give a log."):
+        bag_in(tmp_path, "Give a log.")
+    (tmp_path / "a.mcap").touch()
+    assert bag_in(tmp_path, "") == tmp_path / "a.mcap"
+    (tmp_path / "b.db3").touch()
+    with pytest.raises(InputError, match="with 2 bag files"):
+        bag_in(tmp_path, "")
+    (tmp_path / "metadata.yaml").touch()
+    assert bag_in(tmp_path, "") == tmp_path
+
+
+def test_a_disk_that_fails_is_not_taken_for_a_damaged_bag(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: object, **__: object) -> None:
+        raise OSError(errno.EIO, os.strerror(errno.EIO))
+
+    monkeypatch.setattr("rosbags.highlevel.AnyReader.__init__", fail)
+    file = tmp_path / "a.bag"
+    file.touch()
+    with pytest.raises(InputError, match=r"^a log: cannot be read \(input/output error\)\.$"), open_bag(file, "a log"):
+        pass
+
+
+def test_messages_that_lack_what_their_type_has_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("rosbags.highlevel.AnyReader", mock.MagicMock())
+    monkeypatch.setattr("prf.shell.poses.bag.Bag", mock.MagicMock())
+    body = type("sensor_msgs__msg__LaserScan", (), {})()
+    words = r"^a log: its sensor_msgs/LaserScan has no range_max\. Record"
+    with pytest.raises(InputError, match=words), open_bag(tmp_path, "a log"):
+        _ = body.range_max
+    with pytest.raises(AttributeError, match="nothing"), open_bag(tmp_path, "a log"):
+        _ = tmp_path.nothing  # type: ignore[attr-defined]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 import signal
 import subprocess
@@ -9,7 +10,13 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
+
+from prf.shell.cli.options import parse_duration
+from prf.shell.cli.pictures import new_page, save
+from prf.shell.cli.seeds import resolve_seed, spawn_generators
+from prf.shell.errors import LONGEST_MESSAGE, InputError, Interrupted, UsageError
 
 VERB = '''
 """A verb that ends in the way given."""
@@ -199,3 +206,71 @@ def test_a_full_disk_is_an_output_error(tool: Path) -> None:
         )
     assert done.returncode == 4
     assert done.stderr == "error: the result cannot be written: no space left on device.\n"
+
+
+def test_a_message_is_one_line_that_a_terminal_only_shows():
+    error = InputError("a\nb.log:3: \x1b[2J\tis no number \u2028 \x00. Ünï \U0001f600 stays.")
+    assert str(error) == "a b.log:3: \\x1b[2J is no number   \\x00. Ünï \U0001f600 stays."
+    assert str(error).isprintable()
+
+
+def test_a_long_message_keeps_its_beginning_and_its_remedy():
+    message = str(InputError("a.ply: " + "x" * 100_000 + ". Mend it."))
+    assert len(message) < LONGEST_MESSAGE + 10
+    assert message.startswith("a.ply: xx")
+    assert message.endswith("xx. Mend it.")
+
+
+def test_a_signal_keeps_its_code():
+    assert (str(Interrupted("kept", 15)), Interrupted("kept", 15).exit_code) == ("kept", 143)
+
+
+@pytest.mark.parametrize(
+    ("text", "seconds"),
+    [
+        ("90", 90.0),
+        ("0", 0.0),
+        ("90s", 90.0),
+        ("5m", 300.0),
+        ("1.5h", 5400.0),
+        (" 2M ", 120.0),
+        ("1m30s", 90.0),
+        ("1h30m", 5400.0),
+        ("1e2", 100.0),
+    ],
+)
+def test_durations(text: str, seconds: float) -> None:
+    assert parse_duration(text) == seconds
+
+
+@pytest.mark.parametrize("text", ["", "m", "5d", "-1", "-1m", "inf", "nan", "1h30", "30m1h", "soon"])
+def test_what_is_no_duration(text: str) -> None:
+    with pytest.raises(ValueError, match="is no duration"):
+        parse_duration(text)
+
+
+def test_a_given_seed_stays_and_an_absent_one_is_drawn() -> None:
+    assert resolve_seed(7) == 7
+    drawn = {resolve_seed(None) for _ in range(20)}
+    assert len(drawn) > 1
+    assert all(0 <= seed < 2**32 for seed in drawn)
+
+
+def test_a_negative_seed_is_a_usage_error() -> None:
+    with pytest.raises(UsageError, match="--seed -1"):
+        resolve_seed(-1)
+
+
+def test_more_generators_leave_the_first_ones_as_they_were() -> None:
+    few = [rng.random(4) for rng in spawn_generators(5, 2)]
+    many = [rng.random(4) for rng in spawn_generators(5, 6)]
+    np.testing.assert_array_equal(few, many[:2])
+    assert len({tuple(draws) for draws in many}) == 6
+
+
+def test_letters_that_no_font_has_are_written_as_escapes(tmp_path: Path) -> None:
+    page = new_page(2.0, 1.0)
+    text = page.text(0.0, 0.5, "a\udce9 \x1b a\nb")
+    save(page, io.BytesIO())
+    save(page, tmp_path / "a.svg")
+    assert text.get_text() == "a\\udce9 \\x1b a\nb"

@@ -21,9 +21,8 @@ from tests.statistical.controls import control_arms, rougher, run_mutant, sharpe
 from tests.statistical.images import by_loops, by_sampler, image_check, mixing_check
 from tests.statistical.joint import ACCELERATED, PLAIN, QUANTITIES, Joint, Program, joint_check, run_joint
 from tests.statistical.pictures import plot_images, plot_joint, plot_ranks
-from tests.statistical.problems import NAMES
+from tests.statistical.problems import NAMES, small_station
 from tests.statistical.sbc import Calibration, control_check, run_arm, standard_arm, uniform_checks
-from tests.statistical.station import small_station
 from tests.statistical.ways import LADDER, LEVELS
 
 ARMS = (("laser", "plain"), ("laser", "tempered"), ("laser", "tiles"), ("sonar", "plain"), ("sonar", "tempered"))

@@ -23,8 +23,7 @@ from prf.shell.cli.progress import progress
 from tests.reference.disagreement_loops import sample
 from tests.statistical.check import Check
 from tests.statistical.means import Floats, Mean, z_scores
-from tests.statistical.problems import from_map
-from tests.statistical.station import Station
+from tests.statistical.problems import Station, from_map
 
 N_CELLS = 14
 """Along a side of the images."""

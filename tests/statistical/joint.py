@@ -31,8 +31,7 @@ from prf.sampler.tiles.tiled import finish_round, work_tile
 from prf.shell.cli.progress import progress
 from tests.statistical.check import Check
 from tests.statistical.means import Floats, Mean, plain_mean, z_scores
-from tests.statistical.problems import from_map, names
-from tests.statistical.station import Station
+from tests.statistical.problems import Station, from_map, names
 from tests.statistical.ways import LEVELS, TILES, unbounded
 
 STEPS = 4000

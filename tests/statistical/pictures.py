@@ -11,10 +11,9 @@ from matplotlib.figure import Figure
 
 from tests.statistical.images import N_CELLS, Estimate, compare
 from tests.statistical.joint import QUANTITIES, Joint
-from tests.statistical.problems import NAMES
+from tests.statistical.problems import NAMES, Station
 from tests.statistical.ranks import counts_below, make_band
 from tests.statistical.sbc import CONFIDENCE, Calibration
-from tests.statistical.station import Station
 from tests.statistical.ways import N_DRAWS
 
 INSIDE, OUTSIDE, SHADE = "#1f4e79", "#c0392b", "#c9d6e2"

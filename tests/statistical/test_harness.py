@@ -19,9 +19,8 @@ from tests.statistical.check import Check, settled
 from tests.statistical.controls import control_arms, rougher
 from tests.statistical.images import by_loops, by_sampler, compare
 from tests.statistical.joint import ACCELERATED, PLAIN, Program, run_joint
-from tests.statistical.problems import NAMES, PROBLEMS, laser_problem
+from tests.statistical.problems import NAMES, PROBLEMS, laser_problem, small_station
 from tests.statistical.sbc import run_arm
-from tests.statistical.station import small_station
 from tests.statistical.ways import N_DRAWS, WAYS, unbounded
 
 SEED = 20261121

@@ -8,6 +8,7 @@ import pytest
 from mapq.io import read_patches, write_patches
 from mapq.io.journal import journal_beside
 from mapq.labelling import open_store
+from mapq.labelling.page import most_uncertain_first
 from mapq.labelling.store import relabel
 from mapq.labels import FROM_FIELD, FROM_HAND, PLAUSIBLE, SUSPICIOUS, UNLABELLED
 from prf.shell.errors import InputError, OutputError
@@ -127,3 +128,17 @@ def test_a_missing_file_leaves_nothing_behind(tmp_path):
     with pytest.raises(InputError), open_store(str(tmp_path / "folder" / "a.patches")):
         pass
     assert list(tmp_path.iterdir()) == []
+
+
+def test_the_most_uncertain_first_of_equals_the_largest_and_labelled_ones_last():
+    p = np.array([0.9, 0.55, 0.45, 0.5, 0.1])
+    label = np.array([False, False, False, True, False])
+    assert most_uncertain_first(np.array([9, 2, 4, 7, 30]), p, label).tolist() == [2, 1, 4, 0, 3]
+
+
+def test_without_probabilities_the_largest_first():
+    assert most_uncertain_first(np.array([3, 9, 5]), None, np.zeros(3, np.bool_)).tolist() == [1, 2, 0]
+
+
+def test_a_probability_that_does_not_exist_is_as_uncertain_as_can_be():
+    assert most_uncertain_first(np.array([3, 9]), np.array([np.nan, 0.4]), np.zeros(2, np.bool_)).tolist() == [0, 1]

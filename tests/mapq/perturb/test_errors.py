@@ -1,12 +1,18 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from mapq.perturb import PoseErrors, displaced
+from mapq.cloud import PointCloud
+from mapq.perturb import PoseErrors, build, displaced
+from mapq.perturb.cells import planes_round
 from mapq.posed import drive_passes
-from prf.shell.errors import UsageError
-from tests.mapq.perturb.scenes import pose_at
+from mapq.posed.merge import MergeSettings, cell_keys, merge
+from prf.shell.errors import InputError, UsageError
+from tests.mapq.factories import wall
+from tests.mapq.perturb.scenes import look, make_scans, pose_at
 
 STRAIGHT = np.array([pose_at(2.0 * step, 0.0, 10.0) for step in range(11)])
 
@@ -99,3 +105,107 @@ def test_the_same_seed_gives_the_same_poses_and_kinds_of_error_do_not_change_eac
 def test_sizes_outside_their_domains_are_refused(errors, flag):
     with pytest.raises(UsageError, match=flag):
         displaced(STRAIGHT, errors, 0)
+
+
+POSES = [pose_at(3.0, -4.0), pose_at(5.0, -4.0, 30.0)]
+
+
+def two_scans(density=40.0):
+    return make_scans([look([wall((0.0, 0.0), (8.0, 0.0))], pose, k, density) for k, pose in enumerate(POSES)], POSES)
+
+
+def with_clouds(scans, clouds):
+    return replace(scans, load=clouds.__getitem__)
+
+
+def test_all_points_land_where_the_poses_put_them():
+    scans = two_scans()
+    merged = merge(scans)
+    assert merged.counts.tolist() == [len(scans.read(0)), len(scans.read(1))]
+    assert np.abs(merged.placed(scans.poses)[:, 1]).max() < 0.05
+    np.testing.assert_array_equal(merged.xyz[: len(scans.read(0))], scans.read(0).xyz)
+
+
+def test_one_point_of_a_scan_is_kept_in_each_cube():
+    scans = two_scans(400.0)
+    thinned = merge(scans, MergeSettings(voxel=0.25))
+    assert len(thinned.xyz) < 0.2 * len(merge(scans).xyz)
+    for scan in (0, 1):
+        points = thinned.xyz[thinned.scan == scan]
+        assert len(np.unique(cell_keys(points, 0.25))) == len(points)
+    np.testing.assert_array_equal(thinned.xyz, merge(scans, MergeSettings(voxel=0.25)).xyz)
+
+
+def test_ranges_and_points_without_a_return():
+    scans = two_scans()
+    cloud = scans.read(0)
+    cloud.xyz[0], cloud.xyz[1] = np.nan, 0.0
+    merged = merge(scans, MergeSettings(max_range=5.0))
+    assert np.linalg.norm(merged.xyz, axis=1).max() <= 5.0
+    assert np.linalg.norm(merged.xyz, axis=1).min() > 0.01
+    with pytest.raises(InputError, match="made: no point is left of 2560"):
+        merge(scans, MergeSettings(max_range=0.5))
+
+
+def test_a_field_that_not_all_scans_have_is_dropped_with_a_warning(caplog):
+    scans = two_scans()
+    clouds = [scans.read(0), scans.read(1).with_fields(ring=np.zeros(len(scans.read(1)), np.uint8))]
+    merged = merge(with_clouds(scans, clouds))
+    assert list(merged.fields) == ["intensity"]
+    assert "field ring is dropped" in caplog.text
+
+
+def test_fields_of_the_scans_that_bear_our_names_are_kept_under_another():
+    scans = two_scans()
+    clouds = [scans.read(k).with_fields(scan=np.full(len(scans.read(k)), 9.0)) for k in (0, 1)]
+    fields = build(with_clouds(scans, clouds), reference=scans.poses).cloud.fields
+    assert (fields["original_scan"] == 9.0).all()
+    assert set(fields["scan"].tolist()) == {0, 1}
+
+
+def test_a_field_whose_kept_name_is_taken_too_is_not_lost():
+    scans = two_scans()
+    nine, eight = (np.full(len(scans.read(0)), value) for value in (9.0, 8.0))
+    clouds = [scans.read(k).with_fields(scan=nine, original_scan=eight) for k in (0, 1)]
+    fields = build(with_clouds(scans, clouds), reference=scans.poses).cloud.fields
+    assert (fields["original_scan"] == 8.0).all()
+    assert (fields["original_original_scan"] == 9.0).all()
+
+
+def test_coordinates_of_a_survey_lose_nothing():
+    scans = two_scans()
+    far = scans.poses.copy()
+    far[:, :3, 3] += (456_000.0, 5_432_000.0, 120.0)
+    here, there = (build(scans.with_poses(poses, ""), reference=poses).cloud for poses in (scans.poses, far))
+    np.testing.assert_allclose(there.world() - far[0, :3, 3], here.world() - scans.poses[0, :3, 3], atol=1e-5)
+    np.testing.assert_array_equal(there.fields["suspicious"], here.fields["suspicious"])
+    np.testing.assert_allclose(there.fields["to_sensor_x"], here.fields["to_sensor_x"], atol=1e-5)
+
+
+def test_cells_are_cubes_and_too_many_are_refused():
+    points = np.array([(0.01, 0.01, 0.01), (0.09, 0.09, 0.09), (0.11, 0.05, 0.05), (-0.01, 0.05, 0.05)])
+    keys = cell_keys(points, 0.1)
+    assert keys[0] == keys[1]
+    assert len(set(keys.tolist())) == 3
+    with pytest.raises(InputError, match="too much for cells"):
+        cell_keys(np.array([(0.0, 0, 0), (1e7, 0, 0)]), 0.1)
+    assert len(cell_keys(np.zeros((0, 3)), 0.1)) == 0
+
+
+def test_planes_keep_two_close_surfaces_and_corners_apart():
+    y, z = (grid.ravel() for grid in np.meshgrid(np.arange(0, 5, 0.17), np.arange(0, 4, 0.17)))
+    first = np.column_stack([np.zeros(len(y)), y, z])
+    beside = first + np.array([0.3, 0.0, 0.0])
+    across = np.column_stack([-0.2 - y, np.zeros(len(y)), z])
+    planes = planes_round(np.concatenate([first, beside, across]))
+    assert planes.flat.mean() > 0.95
+    expected = np.repeat([[1.0, 0, 0], [1.0, 0, 0], [0, 1.0, 0]], len(y), axis=0)
+    assert (np.abs(np.einsum("ij,ij->i", planes.normal, expected))[planes.flat] > 0.99).mean() > 0.95
+
+
+def test_no_plane_in_a_bush_on_a_line_or_of_a_few_points():
+    rng = np.random.default_rng(2)
+    assert planes_round(rng.uniform(0.0, 3.0, (3000, 3))).flat.mean() < 0.25
+    assert not planes_round(np.outer(np.arange(100), [0.2, 0.1, 0.0])).flat.any()
+    assert not planes_round(np.eye(3)).flat.any()
+    assert cell_keys(PointCloud.from_world(np.eye(3)).xyz, 0.5).shape == (3,)

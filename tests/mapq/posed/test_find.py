@@ -13,7 +13,7 @@ from mapq.io import ReadOptions, write_ply
 from mapq.posed import FindSettings, find_scans, replace_poses
 from mapq.posed.files import family, natural_key, number_of
 from prf.shell.errors import InputError, UsageError
-from tests.mapq.io.test_ptx import TURNED, ptx
+from tests.mapq.io.test_other_formats import TURNED, ptx
 from tests.mapq.perturb.scenes import pose_at
 from tests.mapq.posed.test_poses import CAMERA
 from tests.shell.test_pose_files import rows

@@ -1,19 +1,24 @@
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from mapq.io.results import write_result
+from mapq.labels import UNLABELLED
 from mapq.results.compare import compare as compare_maps
 from mapq.results.compare import comparison_content
+from mapq.results.evaluate import area_under_curve, calibration_error, reliability, score_labels
 from mapq.results.judged import judge, read_judged
+from mapq.results.regions import find_regions
 from mapq.results.result import assess
 from prf.shell.cli.jsonout import dump_object
 from prf.shell.errors import InputError, UsageError
-from tests.mapq.factories import Rectangle, sample_patches, wall
+from tests.mapq.factories import Rectangle, make_patches, sample_patches, wall
 from tests.mapq.results.test_result import make_model
+from tests.mapq.town import town
 
 STREET = [wall((14.0 * k + 1, 2), (14.0 * k + 9, 2)) for k in range(4)]
 
@@ -135,3 +140,175 @@ def test_a_result_file_knows_disagreement_and_coverage(tmp_path, maps):
     assert np.isfinite(found.disagreement).any()
     for name in ("disagreement", "error"):
         np.testing.assert_allclose(np.unique(getattr(found, name)), np.unique(getattr(expected, name)), atol=1e-6)
+
+
+def of_counts(pp: int, ps: int, sp: int, ss: int):
+    label = np.repeat([0, 0, 1, 1], [pp, ps, sp, ss]).astype(np.uint8)
+    truth = np.repeat([0, 1, 0, 1], [pp, ps, sp, ss]).astype(np.uint8)
+    return score_labels(label, truth, np.where(label, 0.75, 0.25))
+
+
+def test_table_2_of_the_paper():
+    """Its percentages have one solution in whole numbers; accuracy 80.42 % as printed, rows inferred."""
+    scores = of_counts(648, 40, 219, 416)
+    assert scores.n == 1323
+    assert scores.confusion == ((648, 40), (219, 416))
+    assert math.floor(scores.accuracy * 1e4) == 8042
+    assert math.floor(scores.precision * 1e4) == 6551
+    assert scores.recall == pytest.approx(0.912, abs=5e-4)
+    assert scores.specificity == pytest.approx(0.747, abs=5e-4)
+    assert scores.balanced_accuracy == pytest.approx(0.830, abs=5e-4)
+    assert scores.f1 == pytest.approx(0.763, abs=5e-4)
+    assert scores.mcc == pytest.approx(0.628, abs=5e-4)
+    assert scores.base_rate == pytest.approx(456 / 1323)
+
+
+def test_scores_by_their_definitions():
+    rng = np.random.default_rng(0)
+    truth, label = rng.integers(0, 2, 60).astype(np.uint8), rng.integers(0, 2, 60).astype(np.uint8)
+    p = np.round(rng.random(60), 1)
+    scores = score_labels(label, truth, p)
+    wins = [(a > b) + 0.5 * (a == b) for a in p[truth == 1] for b in p[truth == 0]]
+    assert scores.auc == pytest.approx(np.mean(wins))
+    assert scores.brier == pytest.approx(np.mean((p - truth) ** 2))
+    assert scores.mcc == pytest.approx(np.corrcoef(label, truth)[0, 1])
+    precision, recall = truth[label == 1].mean(), label[truth == 1].mean()
+    assert scores.f1 == pytest.approx(2 / (1 / precision + 1 / recall))
+    cut = np.clip(p, 1e-6, 1 - 1e-6)
+    assert scores.log_loss == pytest.approx(-np.mean(np.log(np.where(truth == 1, cut, 1 - cut))))
+
+
+def test_calibration_error_by_its_definition():
+    p = np.array([0.05, 0.05, 0.95, 1.0])
+    assert calibration_error(p, np.array([False, True, True, True])) == pytest.approx((2 * 0.45 + 2 * 0.025) / 4)
+    rng = np.random.default_rng(1)
+    many = rng.random(100_000)
+    assert calibration_error(many, rng.random(100_000) < many) < 0.01
+    assert calibration_error(many, rng.random(100_000) < many**3) > 0.1
+
+
+def test_patches_without_truth_are_left_out():
+    label = np.array([0, 1, 1, UNLABELLED], np.uint8)
+    scores = score_labels(label, np.array([0, 1, UNLABELLED, 1], np.uint8), np.array([0.1, 0.9, 0.9, np.nan]))
+    assert (scores.n, scores.n_without_truth, scores.accuracy, scores.auc) == (2, 1, 1.0, 1.0)
+
+
+def test_ratios_of_nothing_are_not_numbers():
+    scores = of_counts(3, 0, 0, 0)
+    assert (scores.accuracy, scores.specificity) == (1.0, 1.0)
+    for name in ("precision", "recall", "f1", "mcc", "auc", "balanced_accuracy"):
+        assert math.isnan(getattr(scores, name)), name
+    assert score_labels(*[np.empty(0, np.uint8)] * 2, np.empty(0)).n == 0
+    assert math.isnan(area_under_curve(np.ones(3), np.ones(3, bool)))
+
+
+def test_reliability_by_its_definition():
+    p, truth = np.array([0.05, 0.15, 0.12, 0.95, 1.0, np.nan, 0.5]), np.array([0, 1, 0, 1, 1, 1, UNLABELLED], np.uint8)
+    bins = reliability(truth, p)
+    assert [each.n for each in bins] == [1, 2, 0, 0, 0, 0, 0, 0, 0, 2]
+    assert (bins[1].p_suspicious, bins[1].suspicious) == (pytest.approx(0.135), 0.5)
+    assert (bins[9].low, bins[9].high, bins[9].suspicious) == (pytest.approx(0.9), 1.0, 1.0)
+    assert math.isnan(bins[4].suspicious)
+
+
+SMALL = [wall((0, 0), (5, 0)), wall((0, 0.3), (5, 0.3))]
+LARGE = [wall((100, 0), (110, 0)), wall((100, 0.5), (110, 0.5)), wall((111, 0), (121, 0)), wall((111, 0.5), (121, 0.5))]
+ALONE = [wall((0, 60), (10, 60))]
+
+
+@pytest.fixture(scope="module")
+def result():
+    return assess(sample_patches(SMALL + LARGE + ALONE, density=20.0), make_model())
+
+
+def test_connected_suspicious_patches_are_a_region_the_most_severe_first(result):
+    large, small = result.regions
+    assert large.patches.tolist() == [2, 3, 4, 5]
+    assert small.patches.tolist() == [0, 1]
+    assert large.severity > small.severity
+    assert not result.is_suspicious[6]
+
+
+def test_a_region_has_extent_area_and_displacement(result):
+    large, small = result.regions
+    np.testing.assert_allclose(large.low, (100, 0, 0), atol=0.3)
+    np.testing.assert_allclose(large.high, (121, 0.5, 4), atol=0.3)
+    np.testing.assert_allclose(small.centre, (2.5, 0.15, 2), atol=0.1)
+    assert large.displacement == pytest.approx(0.5, abs=0.02)
+    assert small.displacement == pytest.approx(0.3, abs=0.02)
+    assert large.area == pytest.approx(result.area[large.patches].sum())
+    p = result.labelling.probability
+    assert large.severity == pytest.approx((result.area * p)[large.patches].sum())
+    assert large.p_suspicious == pytest.approx(large.severity / large.area)
+
+
+def test_no_suspicious_patch_is_no_region():
+    empty = assess(make_patches([], np.empty((0, 3)), loose=3), make_model())
+    assert empty.regions == []
+    assert empty.verdict(0.5)["passed"] is False
+    assert empty.verdict(None)["passed"] is None
+
+
+@pytest.mark.parametrize(("fail_over", "passed"), [(0.5, False), (0.99, True), (1.0, True)])
+def test_the_verdict_is_that_of_the_area(result, fail_over, passed):
+    share = result.area[result.is_suspicious].sum() / result.area.sum()
+    verdict = result.verdict(fail_over)
+    area = {"unknown": pytest.approx(result.area[result.is_suspicious].sum())}
+    area |= {"missed loop closure": 0.0, "local mapping error": 0.0}
+    assert verdict == {
+        "share_of_area": pytest.approx(share),
+        "coverage": pytest.approx(float("nan"), nan_ok=True),
+        "fail_over": fail_over,
+        "min_coverage": 0.2,
+        "passed": passed,
+        "cause": "unknown",
+        "area_by_cause_m2": area,
+        "disagreement_m": pytest.approx(float("nan"), nan_ok=True),
+        "scans_apart_m": pytest.approx(float("nan"), nan_ok=True),
+    }
+
+
+@pytest.mark.parametrize(("dropped", "passed"), [(3, True), (4, True), (5, False)])
+def test_a_map_passes_only_where_enough_of_it_was_judged(result, dropped, passed):
+    judged = int(result.patches.counts.sum())
+    report = {"dropped_for_tilt": {"patches": 1, "points": dropped * judged, "area": 1.0}}
+    some = replace(result, patches=replace(result.patches, report=report))
+    assert some.coverage == some.counts["coverage"] == 1.0 / (1 + dropped)
+    assert some.verdict(1.0)["passed"] is passed
+    assert some.verdict(1.0, 0.1)["passed"] is True
+    assert some.verdict(None)["passed"] is None
+
+
+class Looked:
+    """Features that count how often all pairs were looked through, and how many numbers of pairs were taken."""
+
+    def __init__(self, features):
+        self.features, self.times, self.taken = features, 0, 0
+
+    def __getattr__(self, name):
+        return getattr(self.features, name)
+
+    @property
+    def pairs(self):
+        self.times += 1
+        return self.features.pairs
+
+    @property
+    def edge(self):
+        return self
+
+    def __getitem__(self, key):
+        found = self.features.edge[key]
+        self.taken += found.size
+        return found
+
+
+@pytest.mark.parametrize("n_patches", [800, 3200])
+def test_the_pairs_of_a_map_are_looked_through_once_however_many_regions_there_are(n_patches):
+    result = assess(town(n_patches), make_model())
+    assert len(result.regions) > n_patches // 10
+    looked = Looked(result.features)
+    again = find_regions(result.patches, looked, result.is_suspicious, result.labelling.probability, result.area)
+    assert [region.displacement for region in again] == [region.displacement for region in result.regions]
+    assert looked.times <= 5
+    assert 0 < looked.taken <= 3 * len(result.features.pairs)

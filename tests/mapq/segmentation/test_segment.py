@@ -252,3 +252,24 @@ class TestFilters:
     def test_settings_outside_their_domain(self, wrong: dict[str, float]) -> None:
         with pytest.raises(UsageError, match="--"):
             segment(cloud_of(wall(rng(1)))[0], SegmentSettings(**wrong))
+
+
+# A scene of a thousand points with most of what a segmentation has to decide; plain Python does it in seconds.
+
+
+def few_rng(seed: int) -> np.random.Generator:
+    return np.random.default_rng(seed)
+
+
+def test_crossing_copies_a_corner_the_ground_and_outliers() -> None:
+    copies = wall(few_rng(1), 4.0, 2.5, 0.2), wall(few_rng(2), 4.0, 2.5, 0.2, degrees=8.0)
+    corner = wall(few_rng(3), 3.0, 2.5, 0.2, degrees=90.0, start=3.5)
+    strays = few_rng(4).uniform(-3.0, 3.0, (40, 3))
+    cloud, truth = cloud_of(*copies, corner, ground(few_rng(5), 5.0, 0.25), strays)
+    patches = segment(cloud, SegmentSettings(max_tilt=90.0))
+    score = score_segmentation(patches.patch, truth)
+    assert len(patches) == 4
+    assert len({*score.best_patch[:4].tolist()}) == 4
+    assert score.iou[:2].min() > 0.75, "copies that cross"
+    assert score.iou[2:4].min() > 0.95, "corner and ground"
+    assert np.mean(patches.patch[truth == 4] == -1) > 0.6, "strays"

@@ -1,19 +1,23 @@
 from __future__ import annotations
 
 import dataclasses
+import gzip
 import re
+from base64 import b64decode
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from prf.output.report import write_report
-from prf.output.report.embedded import pack_scene, step_of
+from prf.model.coloring import Draws
+from prf.model.window import Window
+from prf.output.report import embedded, write_report
+from prf.output.report.embedded import fitting, pack_draws, pack_scene, step_of, thinned
 from prf.output.report.words import title_of
+from prf.output.run import Run
 from prf.shell.errors import InputError
 from tests.factories import make_run, make_trajectory
 from tests.mapq.report.results import without_scripts
-from tests.output.report.runs import WINDOW, slow_run, unpacked
 
 
 def written(path: Path, **options: str) -> str:
@@ -90,3 +94,91 @@ def test_a_run_without_draws_or_image_is_refused(tmp_path: Path) -> None:
         with pytest.raises(InputError, match=match):
             write_report(str(tmp_path / "r.html"), run)
     assert list(tmp_path.iterdir()) == []
+
+
+def segments_of(head: dict, text: str, draw: int) -> set[tuple[int, ...]]:
+    """Return the edges of a draw, as a page reads them, with their ends in order."""
+    n, m = head["n_vertices"], head["n_edges"]
+    x, y, a, b, first, last = np.split(unpacked(text), np.cumsum([n, n, m, m, m]))
+    xy, a = np.column_stack([np.cumsum(x), y]), np.cumsum(a)
+    there = (first <= draw) & (draw < first + last)
+    ends = np.stack([xy[a[there]], xy[a[there] + b[there]]], axis=1)
+    return {tuple(sorted(map(tuple, pair))) for pair in ends.tolist()}  # type: ignore[misc]
+
+
+def test_every_draw_has_its_edges_to_the_millimetre_and_each_edge_is_stored_once() -> None:
+    run = slow_run()
+    head, text = pack_draws(run)
+    order = np.argsort(run.chain, kind="stable")
+    window, step = run.draws.window, step_of(run.draws.window)
+    for place, number in enumerate(order):
+        lines = run.draws[number].xy[run.draws[number].edges]
+        wanted = np.rint((lines - [window.x_min, window.y_min]) / step).astype(int)
+        found = segments_of(head, text, place)
+        assert len(found) == len(wanted)
+        pairs = {tuple(sorted(map(tuple, pair))) for pair in wanted.tolist()}
+        assert all(np.abs(np.subtract(*each)).max() <= 1 for each in zip(sorted(found), sorted(pairs), strict=True))
+    assert head["starts"] == [0, 60, 110, 160]
+    assert head["n_edges"] < 0.5 * run.draws.n_edges.sum()
+
+
+def test_a_page_takes_what_fits_and_keeps_the_newest_of_each_chain(monkeypatch: pytest.MonkeyPatch) -> None:
+    run = slow_run()
+    assert fitting(run)[0] is run
+    monkeypatch.setattr(embedded, "MAX_BYTES", len(pack_draws(run).text) // 2)
+    kept, numbers = fitting(run)
+    assert len(numbers.text) <= embedded.MAX_BYTES
+    assert 10 < len(kept.draws) < 160
+    assert [kept.step[kept.chain == each].max() for each in range(3)] == [
+        run.step[run.chain == each].max() for each in range(3)
+    ]
+    assert np.array_equal(thinned(run, 1).step, run.step)
+
+
+def test_path_readings_and_edges_of_the_best_map_are_in_the_scene() -> None:
+    run = slow_run()
+    assert run.laser is not None
+    assert run.best is not None
+    head, text = pack_scene(run)
+    numbers = unpacked(text)
+    assert len(numbers) == sum(head.values())
+    corner = np.array([run.draws.window.x_min, run.draws.window.y_min])
+    path = numbers[: head["path"]].reshape(-1, 2) * step_of(run.draws.window) + corner
+    np.testing.assert_allclose(path, run.laser.sensor_path(), atol=1e-3)
+    assert head["returns"] == 2 * run.laser.returned.sum()
+    assert 0 < head["best"] <= 4 * run.best.n_edges
+
+
+# Runs whose chains move slowly, as chains do: each map stays for some draws.
+
+
+WINDOW = Window(-3.25, 9_994.5, 4.7531, 10_001.0)
+"""Not of whole millimetres, and far from the origin."""
+
+
+def slow_run(seed: int = 1, n_draws: int = 160) -> Run:
+    """Return a run of three chains, one longer than the others, as the draws were recorded: in turn."""
+    run = make_run(seed, 24, WINDOW, resolution=0.25)
+    rng = np.random.default_rng(seed)
+    chain = np.append(np.arange(n_draws - 10) % 3, np.zeros(10)).astype(np.int32)
+    shown = np.empty(n_draws, np.int64)
+    for each in range(3):
+        rows = np.flatnonzero(chain == each)
+        shown[rows] = 8 * each + np.cumsum(rng.random(len(rows)) < 0.4) % (10 + 2 * each)
+    draws = Draws.from_colorings([run.draws[i % 24] for i in shown])
+    functionals = {"n_edges": draws.n_edges.astype(np.float64), "log_posterior": rng.normal(size=n_draws)}
+    return dataclasses.replace(
+        run,
+        manifest={**run.manifest, "inputs": [{"path": "/logs/<b>hall.log.gz", "sha256": "0"}]},
+        draws=draws,
+        chain=chain,
+        step=1000 * np.arange(n_draws, dtype=np.int64),
+        functionals=functionals,
+        probe_black=rng.random((n_draws, 3)) < 0.5,
+    )
+
+
+def unpacked(text: str) -> np.ndarray:
+    """Return the whole numbers of a packed text."""
+    planes = np.frombuffer(gzip.decompress(b64decode(text)), np.uint8)
+    return np.ascontiguousarray(planes.reshape(4, -1).T).view("<i4").ravel()

@@ -1,0 +1,281 @@
+"""Where chains of uncertain poses start."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from prf.configuration import load_configuration
+from prf.poses.graph import Pull, Relations, derivatives, errors, root_of
+from prf.poses.loops import LoopMatch, _settled
+from prf.poses.match import CELL, LEVER, place_of, search
+from prf.poses.model import ODOMETRY, pose_model
+from prf.poses.plane import compose, seen_from, wrapped
+from prf.poses.posterior import Trajectory, pose_functionals
+from prf.poses.start import find_start, find_trajectory
+from prf.readings import Readings
+from prf.sampler.prepare import prepare
+from prf.shell.errors import InputError
+from tests.poses.drives import BLOCK, ROOM, odometry_of, off, readings_at, round_the_block
+
+ROUND = np.linspace(0.0, 2.0 * np.pi, 40)
+TRUTH = np.column_stack([4.2 + 2.6 * np.cos(ROUND), 2.6 + 1.9 * np.sin(ROUND), ROUND + np.pi / 2])
+
+
+@pytest.mark.parametrize("noise", [(0.05, 0.01), (0.15, 0.03)])
+def test_disturbed_poses_of_a_room_are_found_again(noise):
+    given = TRUTH + np.random.default_rng(3).normal(size=TRUTH.shape) * [noise[0], *noise]
+    readings = readings_at(ROOM, TRUTH, given)
+    model = pose_model(readings, None, noise)
+    found = find_trajectory(model, readings, 0.03)
+    assert off(found, TRUTH) < off(given, TRUTH) / 3.0
+    np.testing.assert_array_equal(found, find_trajectory(model, readings, 0.03))
+    drawn = [find_trajectory(model, readings, 0.03, np.random.default_rng(seed)) for seed in (1, 1, 2)]
+    np.testing.assert_array_equal(drawn[0], drawn[1])
+    assert 0.002 < off(drawn[0], drawn[2]) < 0.1
+
+
+def test_a_loop_of_odometry_is_closed():
+    truth = round_the_block()
+    prior = odometry_of(truth, "poor")
+    readings = readings_at(BLOCK, truth, prior.draw(np.random.default_rng(4)))
+    model = pose_model(readings, None, None, ODOMETRY["poor"])
+    assert off(model.prior.given, truth) > 1.0
+    start = find_start(model, readings, 0.03)
+    assert off(start.poses, truth) < 0.1
+    np.testing.assert_allclose(start.poses[0], model.prior.given[0], atol=1e-6)
+    used = [loop for loop in start.loops if loop.is_used]
+    errors = [seen_from(truth[loop.tail], truth[loop.head])[:2] - loop.pose[:2] for loop in used]
+    assert len(used) > 3
+    assert np.median(np.hypot(*np.transpose(errors))) < 0.1
+
+
+def test_chains_start_as_all_readings_have_it_however_few_are_used():
+    noise = (0.15, 0.03)
+    given = TRUTH + np.random.default_rng(3).normal(size=TRUTH.shape) * [noise[0], *noise]
+    config = load_configuration({"pose_noise": noise, "assignments": ["thinning.beam_density=4.0"]}).settings
+    settings = prepare(config, readings_at(ROOM, TRUTH, given)).settings
+    assert settings.laser.readings.n_beams < 15 * len(TRUTH)
+    model = settings.poses
+    drawn = [model.draw_start(np.random.default_rng(seed)) for seed in (1, 2)]
+    assert max(off(poses, TRUTH[model.scan]) for poses in drawn) < off(given, TRUTH) / 3.0
+    assert off(*drawn) > 0.002
+
+
+def test_the_pose_that_fixes_the_frame_is_the_same_for_all_chains():
+    truth = round_the_block()[:12]
+    prior = odometry_of(truth, "wheels")
+    model = pose_model(readings_at(BLOCK, truth, prior.given), None, None, ODOMETRY["wheels"])
+    start = find_start(model, readings_at(BLOCK, truth, prior.given), 0.03)
+    one, other = (start.draw(np.random.default_rng(seed)) for seed in (1, 2))
+    np.testing.assert_array_equal(one[0], other[0])
+    assert (one[1:] != other[1:]).all()
+
+
+# Linear equations of relative poses.
+
+
+def some(rng, n=6, k=9):
+    poses = rng.normal(size=(n, 3)) * [3.0, 3.0, 2.0]
+    tail = rng.integers(0, n, k)
+    head = (tail + rng.integers(1, n, k)) % n
+    return poses, Relations(tail, head, rng.normal(size=(k, 3)), rng.normal(size=(k, 3, 3)))
+
+
+def test_derivatives_are_those_of_the_errors():
+    poses, relations = some(np.random.default_rng(1))
+    step = 1e-6
+    for sides, found in zip((relations.tail, relations.head), derivatives(relations, poses), strict=True):
+        for axis in range(3):
+            change = []
+            for sign in (-1.0, 1.0):
+                moved = poses[sides]
+                moved = compose(moved, np.eye(3)[axis] * sign * step)
+                both = [poses[relations.tail], poses[relations.head]]
+                both[0 if sides is relations.tail else 1] = moved
+                error = seen_from(*both) - relations.pose
+                change.append(np.einsum("kij,kj->ki", relations.root, error))
+            np.testing.assert_allclose(found[:, :, axis], (change[1] - change[0]) / (2.0 * step), atol=1e-7)
+
+
+def test_equations_lead_down_to_the_poses_of_exact_relations():
+    rng = np.random.default_rng(2)
+    poses, relations = some(rng, k=20)
+    exact = relations._replace(pose=seen_from(poses[relations.tail], poses[relations.head]))
+    pull = Pull(poses, np.where(np.arange(6)[:, None] == 0, 10.0, np.zeros((6, 3))), exact)
+    found = compose(poses, 0.05 * rng.normal(size=poses.shape))
+    for _ in range(8):
+        matrix, right = pull.equations(found)
+        found = compose(found, np.linalg.solve(matrix.toarray(), right).reshape(-1, 3))
+    np.testing.assert_allclose(errors(exact, found), 0.0, atol=1e-8)
+    np.testing.assert_allclose(found, poses, atol=1e-8)
+
+
+# Closures of loops, right and wrong ones.
+
+
+def test_a_wrong_loop_is_left_out_and_does_not_fold_the_map():
+    truth, rng = round_the_block(), np.random.default_rng(5)
+    n = len(truth)
+    steps = seen_from(truth[:-1], truth[1:])
+    sd = np.array([0.02, 0.02, 0.01])
+    tail, motion = np.arange(n - 1), steps + sd * rng.normal(size=steps.shape)
+    drifting = [truth[0]]
+    for step in motion:
+        drifting.append(compose(drifting[-1], step))
+    held = np.where(np.arange(n)[:, None] == 0, 1e6, np.zeros((n, 3)))
+    root = root_of(np.tile(np.diag(sd**2), (n - 1, 1, 1)))
+    chain = Pull(truth, held, Relations(tail, tail + 1, motion, root))
+    covariance = np.diag([0.05, 0.05, 0.01]) ** 2
+    right = [LoopMatch(k, n - 12 + k, seen_from(truth[k], truth[n - 12 + k]), covariance, 0.8, True) for k in (0, 4, 8)]
+    wrong = LoopMatch(2, n // 2, np.array([3.0, 0.5, 0.4]), covariance, 0.7, True)
+    poses, found = _settled(np.array(drifting), chain, [*right, wrong])
+    assert [match.is_used for match in found] == [True, True, True, False]
+    assert off(poses, truth) < 0.6 * off(np.array(drifting), truth)
+
+
+# Points matched with a place.
+
+
+WINDOW = np.array([1.5, 1.5, 0.4])
+ABOUT = np.array([0.4, -0.6, 0.1])
+
+
+def wall(x0, y0, x1, y1):
+    share = np.linspace(0.0, 1.0, 60)[:, None]
+    return (1.0 - share) * [x0, y0] + share * [x1, y1]
+
+
+def laid(points):
+    """Return a place of points, and the same points as seen from elsewhere, at `TRUE`."""
+    place = place_of(points, np.zeros_like(points), 8.0)
+    c, s = np.cos(TRUE[2]), np.sin(TRUE[2])
+    return place, (points - TRUE[:2]) @ np.array([[c, -s], [s, c]])
+
+
+TRUE = np.array([0.9, -0.2, -0.15])
+
+
+def test_a_corner_is_found_where_it_is():
+    place, points = laid(np.concatenate([wall(-4, 2, 3, 2), wall(3, 2, 3, -3), wall(-4, -3, 0, -3)]))
+    best = search(place, points, ABOUT, WINDOW)[0]
+    assert (np.abs(best.pose - TRUE) < [1.1 * CELL, 1.1 * CELL, 1.1 * CELL / LEVER]).all()
+    assert best.score > 0.8
+    assert np.sqrt(np.linalg.eigvalsh(best.covariance)[-1]) < 0.35
+
+
+def test_a_corridor_leaves_the_way_along_it_open():
+    place, points = laid(np.concatenate([wall(-7, 1, 7, 1), wall(-7, -1, 7, -1)]))
+    covariance = search(place, points[30:90:2], ABOUT, WINDOW)[0].covariance
+    assert covariance[0, 0] > 5.0 * covariance[1, 1]
+
+
+# States of readings: which scans share one, which are left, and what the odometry says between them.
+
+
+N_BEAMS = 6
+
+
+def drive(n: int, period: float, *, cone: float = 0.0) -> Readings:
+    """Return scans a metre apart for each second, without poses in a table."""
+    time = period * np.arange(n)
+    origin = np.repeat(np.column_stack([time, np.zeros(n)]), N_BEAMS, axis=0)
+    angle = np.tile(np.linspace(-1.0, 1.0, N_BEAMS), n)
+    scan = np.repeat(np.arange(n), N_BEAMS)
+    return Readings.from_arrays(
+        origin, angle, np.full(len(angle), 3.0), scan=scan, time=np.repeat(time, N_BEAMS), cone=cone
+    )
+
+
+def test_scans_of_two_sensors_share_states_where_their_times_agree() -> None:
+    laser, sonar = drive(5, 1.0), drive(15, 0.3, cone=0.3)
+    model = pose_model(laser, sonar, (0.05, 0.01))
+    shared = {0.0, 3.0}
+    assert len(model.scan) == 5 + 15 - len(shared)
+    assert (np.diff(model.time) > 0.0).all()
+    for part, local in ((laser, model.laser), (sonar, model.sonar)):
+        assert local is not None
+        origin, angle = local.at(model.prior.given)
+        np.testing.assert_allclose(origin, part.origin, atol=1e-12)
+        np.testing.assert_allclose(np.exp(1j * angle), np.exp(1j * part.angle), atol=1e-12)
+
+
+def test_what_is_left_keeps_its_frames_whatever_is_thinned_away() -> None:
+    laser, sonar = drive(5, 1.0), drive(15, 0.3, cone=0.3)
+    model = pose_model(laser, sonar, (0.05, 0.01))
+    rows, cones = np.arange(N_BEAMS + 2, laser.n_beams, 3), np.arange(1, sonar.n_beams, 4)
+    used = model.used(rows, cones)
+    for part, local, chosen in ((laser, used.laser, rows), (sonar, used.sonar, cones)):
+        assert local is not None
+        np.testing.assert_allclose(local.at(used.start)[0], part.origin[chosen], atol=1e-12)
+    assert len(used.start) == len(np.unique(np.concatenate([used.laser.owner, used.sonar.owner])))  # type: ignore[union-attr]
+    assert used.draw_start is not None
+    np.testing.assert_array_equal(used.draw_start(np.random.default_rng(1)), used.start)
+
+
+def test_odometry_needs_headings() -> None:
+    with pytest.raises(InputError, match="no heading"):
+        pose_model(drive(3, 1.0), None, None, ODOMETRY["wheels"])
+
+
+# What draws of a trajectory say of its poses.
+
+
+SD = np.array([0.03, 0.01, 0.02])
+SHIFT = np.array([0.0, 0.04, 0.1])
+
+
+@pytest.fixture(scope="module")
+def drawn() -> Trajectory:
+    """Poses 4 cm above and 0.1 rad beyond the given ones, spread 3 cm along a diagonal and 1 cm across it."""
+    rng = np.random.default_rng(2)
+    given = np.column_stack([np.arange(4.0), np.zeros(4), [0.0, 1.0, np.pi - 0.05, -3.0]])
+    noise = rng.standard_normal((4000, 4, 3)) * SD
+    along = np.sqrt(0.5) * np.array([[1.0, 1.0], [-1.0, 1.0]])
+    draws = np.concatenate([noise[..., :2] @ along, noise[..., 2:]], axis=2) + SHIFT
+    return Trajectory(np.arange(4), np.full(4, np.nan), given, draws.astype(np.float32))
+
+
+def test_means_and_deviations_are_those_of_the_draws(drawn: Trajectory) -> None:
+    wanted = drawn.given + SHIFT
+    np.testing.assert_allclose(drawn.mean[:, :2], wanted[:, :2], atol=0.002)
+    np.testing.assert_allclose(drawn.mean[:, 2], wrapped(wanted[:, 2]), atol=0.002)
+    across = np.sqrt(0.5 * (SD[0] ** 2 + SD[1] ** 2))
+    np.testing.assert_allclose(drawn.sd, np.broadcast_to([across, across, SD[2]], (4, 3)), rtol=0.05)
+    figures = drawn.figures()
+    np.testing.assert_allclose(list(figures.values()), [4, 0.04, 0.1, np.hypot(*SD[:2]), SD[2]], rtol=0.05)
+
+
+def test_headings_are_circular(drawn: Trajectory) -> None:
+    """Offsets round half a turn have a mean there, not at 0, and no wide spread."""
+    turned = drawn.draws + np.array([0.0, 0.0, np.pi - 0.1], np.float32)
+    turned[..., 2] = wrapped(turned[..., 2])
+    found = dataclasses.replace(drawn, draws=turned)
+    np.testing.assert_allclose(np.abs(found.correction[:, 2]), np.pi, atol=0.002)
+    np.testing.assert_allclose(found.sd[:, 2], SD[2], rtol=0.05)
+
+
+def test_ellipses_hold_nineteen_draws_of_twenty(drawn: Trajectory) -> None:
+    axes = drawn.ellipses()
+    np.testing.assert_allclose(np.linalg.norm(axes, axis=2), np.broadcast_to(2.448 * SD[[1, 0]], (4, 2)), rtol=0.05)
+    error = (drawn.draws - drawn.correction)[..., :2]
+    share = np.einsum("dnj,nij->dni", error, axes) / (axes**2).sum(axis=2)
+    np.testing.assert_allclose(((share**2).sum(axis=2) <= 1.0).mean(axis=0), 0.95, atol=0.015)
+
+
+def test_words_tell_corrections_from_knowledge(drawn: Trajectory) -> None:
+    shifted = dataclasses.replace(drawn, draws=np.tile(np.float32([0.0, 1.5, 0.0]), (3, 4, 1)))
+    assert shifted.words() == "4 poses corrected by 150 cm and 0 degrees (rms), known to 0 cm and 0 degrees"
+    assert dataclasses.replace(drawn, draws=drawn.draws[:0]).words().endswith("by 0 cm and 0 degrees (rms)")
+
+
+def test_functionals_name_first_middle_and_last_pose(drawn: Trajectory) -> None:
+    found = pose_functionals(drawn.given + drawn.draws, drawn.given)
+    places = [name for i in (0, 2, 3) for name in (f"pose_{i}_x", f"pose_{i}_y", f"pose_{i}_heading")]
+    assert list(found) == ["pose_correction", *places]
+    np.testing.assert_allclose(found["pose_2_heading"], drawn.draws[:, 2, 2], atol=1e-6)
+    np.testing.assert_allclose(found["pose_correction"].mean(), np.hypot(0.04, np.hypot(*SD[:2])), rtol=0.02)
+    one = pose_functionals(drawn.given[:1] + np.array([3.0, 4.0, -0.5]), drawn.given[:1])
+    np.testing.assert_allclose(list(one.values()), [5.0, 3.0, 4.0, -0.5])
