@@ -33,7 +33,7 @@ from prf.model.window import Window
 from prf.results import PosteriorImage
 from prf.sampler import Sampler
 from prf.sampler.posterior import PointData, Settings
-from prf.shell.cli.seeds import spawn_generators
+from prf.shell.cli.provenance import spawn_generators
 
 SIZE = 96
 FLIPS = 0.25

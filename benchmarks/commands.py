@@ -15,7 +15,7 @@ import numpy as np
 from prf.output.run import read_run
 from prf.results import names
 from prf.results.convergence import diagnose
-from prf.shell.cli.jsonout import jsonable
+from prf.shell.cli.storage import jsonable
 
 ROOT = Path(__file__).resolve().parents[1]
 DATA = ROOT.parent / "shared" / "data" / "prf"

@@ -16,7 +16,7 @@ from prf.configuration import Configuration
 from prf.readings import read_readings
 from prf.sampler.chains import Sampler
 from prf.sampler.prepare import prepare
-from prf.shell.cli.seeds import spawn_generators
+from prf.shell.cli.provenance import spawn_generators
 
 THREADS = 2
 

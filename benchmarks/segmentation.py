@@ -88,7 +88,7 @@ def show_stages(city: City) -> None:
     """Print the share of the CPU time that each stage of one segmentation takes."""
     clock = StageClock()
     segment(PointCloud.from_world(city.xyz), ALL_PLANES, clock)
-    clock.update(len(STAGES), stage="")
+    clock(len(STAGES), stage="")
     total = sum(clock.seconds.values())
     print("stages               " + ", ".join(f"{name} {spent / total:.0%}" for name, spent in clock.seconds.items()))
 
@@ -100,7 +100,7 @@ class StageClock:
         self.seconds: dict[str, float] = {}
         self._stage, self._start = "", 0.0
 
-    def update(self, completed: float, **fields: object) -> None:
+    def __call__(self, completed: float, **fields: object) -> None:
         now = time.process_time()
         if self._stage:
             self.seconds[self._stage] = now - self._start

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from prf.shell.cli.early import end_quietly
+from prf.shell.cli import end_quietly
 
 
 def main() -> None:

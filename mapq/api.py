@@ -30,8 +30,8 @@ from mapq.posed import FindSettings, MergeSettings, find_scans, merge_scans
 from mapq.results.result import Origin, Result, assess
 from mapq.segmentation import STAGES, SegmentSettings
 from mapq.segmentation import segment as cut
-from prf.shell.cli.notebook import ProgressCallback, reported
 from prf.shell.cli.outputs import refuse_existing
+from prf.shell.cli.progress import ProgressCallback, reported
 from prf.shell.errors import ArgumentError, UsageError
 
 logger = logging.getLogger(__name__)
@@ -99,7 +99,7 @@ def read_scans(
     names = [scans] if isinstance(scans, str | os.PathLike) else scans
     posed = find_scans([os.fspath(each) for each in names], chosen).every(every)
     with reported(progress, len(posed), "merging scans") as reporter:
-        return merge_scans(posed, merging, reporter.update)
+        return merge_scans(posed, merging, reporter)
 
 
 def point_cloud(

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from mapq.labels import NO_PATCH, UNLABELLED
 from mapq.picture import picture_of_points
-from prf.shell.cli.notebook import card
+from prf.shell.cli.pictures import card
 
 SHIFT_ABOVE = 1e4
 """Metres: farther from the origin than this, covariances of float64 squares begin to lose what sensors resolve."""

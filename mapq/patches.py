@@ -24,7 +24,7 @@ from mapq.labels import (
     truth_values,
 )
 from mapq.picture import Picture, picture_of_points
-from prf.shell.cli.notebook import card
+from prf.shell.cli.pictures import card
 from prf.shell.errors import ArgumentError
 
 if TYPE_CHECKING:

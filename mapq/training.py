@@ -20,8 +20,8 @@ from mapq.labels import PLAUSIBLE, SUSPICIOUS, UNLABELLED
 from mapq.model import Model
 from mapq.patches import Patches
 from mapq.results.evaluate import Scores, score_labels
-from prf.shell.cli.manifest import describe_input, describe_process
-from prf.shell.cli.progress import Reporter
+from prf.shell.cli.progress import Report
+from prf.shell.cli.provenance import describe_input, describe_process
 
 N_REGIONS = 20
 """Into so many regions the labelled patches of all maps are cut for cross-validation, about."""
@@ -33,7 +33,7 @@ def train_maps(
     sources: Sequence[Patches | str | os.PathLike[str]],
     settings: TrainSettings | None = None,
     features: FeatureSettings | None = None,
-    progress: Reporter | None = None,
+    progress: Report | None = None,
     conservative: bool = False,
 ) -> Model:
     """Return the model that labelled patches teach.
@@ -48,14 +48,14 @@ def train_maps(
     for number, source in enumerate(sources):
         maps.append(source if isinstance(source, Patches) else read_patches(source))
         if progress is not None:
-            progress.update(number + 0.5)
+            progress(number + 0.5)
     labels = [conservative_label(patches) if conservative else patches.label for patches in maps]
     training_maps = []
     regions = regions_of(maps, labels, region_size(labels, N_REGIONS))
     for number, (patches, label, region) in enumerate(zip(maps, labels, regions, strict=True)):
         training_maps.append(TrainingMap(patch_features(patches, features), label, region))
         if progress is not None:
-            progress.update(number + 1)
+            progress(number + 1)
     trained = train(training_maps, settings)
     scores = None
     if trained.held_out is not None:

@@ -115,7 +115,7 @@ def classify(
     from mapq.io.results import result_lines
     from mapq.results.result import MIN_COVERAGE
     from mapq.tiled.source import is_tiled
-    from prf.shell.cli import console, jsonout
+    from prf.shell.cli import console, storage
     from prf.shell.cli.files import STREAM
     from prf.shell.errors import UsageError
 
@@ -137,7 +137,7 @@ def classify(
         result = _classify(inputs, scans, (model, config), target, chosen, bool(preset), force)
         result.save(target, fail_over=limits[0], min_coverage=limits[1], force=True)
     if json:
-        jsonout.emit_pieces(result_lines({"output": target, **result.head(*limits)}, result.patch_rows()))
+        storage.emit_pieces(result_lines({"output": target, **result.head(*limits)}, result.patch_rows()))
     else:
         for line in _lines(result, target, limits):
             console.summarize(line)

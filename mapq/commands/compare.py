@@ -66,7 +66,7 @@ def compare(
     from mapq.results.compare import check_cell, comparison_content
     from mapq.results.compare import compare as compare_maps
     from mapq.results.judged import read_judged
-    from prf.shell.cli import console, jsonout
+    from prf.shell.cli import console, storage
     from prf.shell.errors import CheckFailed
 
     used = read_model(model) if model is not None else None
@@ -84,7 +84,7 @@ def compare(
     if json:
         verdict = {"rise_of_share": rise, "fail_over": fail_over, "passed": passed}
         content = {"files": [first, second], "model": model or "default", **comparison_content(found)}
-        jsonout.emit_object("mapq.compare/1", {**content, "verdict": verdict})
+        storage.emit_object("mapq.compare/1", {**content, "verdict": verdict})
     else:
         for line in _lines(found, first, second):
             console.emit(line)

@@ -39,14 +39,14 @@ def evaluate(
     has the reliability too: of patches with p near 0.7 seven in ten should be suspicious.
     """
     from mapq.results.evaluate import read_labelled, reliability, score_labels
-    from prf.shell.cli import console, jsonout
+    from prf.shell.cli import console, storage
 
     labelled = read_labelled(file, load_model(model, max_false_alarms), truth_field)
     scores = score_labels(labelled.label, labelled.truth, labelled.probability)
     bins = reliability(labelled.truth, labelled.probability)
     if json:
         content = {"file": file, "truth": labelled.truth_from, **scores._asdict(), "reliability": bins}
-        jsonout.emit_object("mapq.evaluate/1", content)
+        storage.emit_object("mapq.evaluate/1", content)
         return
     for line in _lines(scores, labelled.truth_from):
         console.emit(line)

@@ -46,7 +46,7 @@ def features(
     from mapq.configuration import load_configuration
     from mapq.features.table import csv_lines, edge_table, node_table, records
     from mapq.io import read_patches
-    from prf.shell.cli import console, jsonout
+    from prf.shell.cli import console, storage
     from prf.shell.errors import UsageError
 
     if csv and json:
@@ -61,7 +61,7 @@ def features(
         units = {name: dict(zip(table.names, table.units, strict=True)) for name, table in tables.items()}
         content = {name: records(table) for name, table in tables.items()}
         head = {"parameters": found.parameters, "n_patches": len(found.node), "n_pairs": len(found.pairs)}
-        jsonout.emit_object("mapq.features/1", {**head, "n_clipped": found.n_clipped, "units": units, **content})
+        storage.emit_object("mapq.features/1", {**head, "n_clipped": found.n_clipped, "units": units, **content})
     elif csv:
         console.emit("\n\n".join("\n".join(csv_lines(table)) for table in tables.values()))
     else:

@@ -45,12 +45,12 @@ def inspect(
     """
     from mapq.configuration import load_configuration
     from mapq.io.describe import describe
-    from prf.shell.cli import console, jsonout
+    from prf.shell.cli import console, storage
 
     given = {"assignments": assignments, "unit": unit, "topic": topic}
     summary = describe(file, load_configuration(given, "cloud").settings.cloud.options())
     if json:
-        jsonout.emit_object("mapq.inspect/1", jsonout.jsonable(summary))
+        storage.emit_object("mapq.inspect/1", storage.jsonable(summary))
     else:
         rows = list(_rows(summary))
         width = max(16, *(len(name) + 2 for name, _ in rows))

@@ -86,11 +86,11 @@ def _from_field(path: str, name: str, conservative: bool, force: bool, json: boo
     """Label by a point field."""
     from mapq.labelling.store import relabel
     from mapq.patches import label_from_field
-    from prf.shell.cli import console, jsonout
+    from prf.shell.cli import console, storage
 
     counts = relabel(path, lambda patches: label_from_field(patches, name, path, force, conservative))
     if json:
-        jsonout.emit_object("mapq.label/1", {"patches": path, "field": name, **counts._asdict()})
+        storage.emit_object("mapq.label/1", {"patches": path, "field": name, **counts._asdict()})
         return
     for line in (*_field_lines(counts), f"labels          in {path}"):
         console.summarize(line)
@@ -100,11 +100,11 @@ def _by_hand(path: str, model: str | None, port: int, browser: bool, json: bool)
     """Label on the page."""
     from mapq.io.models import read_model
     from mapq.labelling import label_by_hand
-    from prf.shell.cli import console, jsonout
+    from prf.shell.cli import console, storage
 
     counts = label_by_hand(path, None if model is None else read_model(model), port, browser)
     if json:
-        jsonout.emit_object("mapq.label.hand/1", {"patches": path, **counts._asdict()})
+        storage.emit_object("mapq.label.hand/1", {"patches": path, **counts._asdict()})
         return
     for line in (*_hand_lines(counts), f"labels          in {path}"):
         console.summarize(line)

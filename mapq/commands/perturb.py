@@ -67,10 +67,10 @@ def perturb(
     from mapq.perturb import PoseErrors, Rule, build
     from mapq.perturb.files import SCHEMA, target_files, write_map
     from mapq.posed import find_scans, replace_poses
-    from prf.shell.cli import console, jsonout
+    from prf.shell.cli import console, storage
     from prf.shell.cli.outputs import refuse_inputs
     from prf.shell.cli.progress import progress
-    from prf.shell.cli.seeds import resolve_seed
+    from prf.shell.cli.provenance import resolve_seed
 
     loaded = load_configuration({"config": config, "assignments": assignments}, "perturb", "scans", "cloud").settings
     chosen = loaded.perturb
@@ -88,11 +88,11 @@ def perturb(
         logger.info("takes a while. If these poses are right, give the same file as --reference too; without labels")
         logger.info("mapq classify takes the scans as they are.")
     with progress(1.0, "merging and comparing scans") as bar:
-        built = build(posed.every(every), errors, rule, settings, right, used_seed or 0, bar.update)
+        built = build(posed.every(every), errors, rule, settings, right, used_seed or 0, bar)
     head = {"seed": used_seed, "errors": asdict(errors), "rule": asdict(rule), "merging": asdict(settings)}
     report = write_map(targets, built, head)
     if json:
-        jsonout.emit_object(SCHEMA, report)
+        storage.emit_object(SCHEMA, report)
         return
     for line in _lines(report, targets[1]):
         console.summarize(line)

@@ -71,7 +71,7 @@ def segment(
     from mapq.configuration import load_configuration, sources_of
     from mapq.features import measure_shapes
     from mapq.io.patches import write_patches
-    from prf.shell.cli import jsonout
+    from prf.shell.cli import storage
     from prf.shell.cli.console import say_beside
     from prf.shell.cli.files import STREAM
     from prf.shell.cli.outputs import claim_output
@@ -95,7 +95,7 @@ def segment(
     write_patches(target, patches)
     if json:
         content = {"cloud": " ".join(clouds), "output": target, "parameters": patches.parameters, "report": report}
-        jsonout.emit_object("mapq.segment/1", {**content, "n_points": patches.counts})
+        storage.emit_object("mapq.segment/1", {**content, "n_points": patches.counts})
         return
     # Standard output belongs to the patches if they are written there.
     say = say_beside(target)

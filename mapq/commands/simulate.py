@@ -60,11 +60,11 @@ def simulate(
     from mapq.io import write_cloud
     from mapq.io.write import check_name
     from mapq.simulate import Settings, simulate_with_report
-    from prf.shell.cli import jsonout
+    from prf.shell.cli import storage
     from prf.shell.cli.console import say_beside
     from prf.shell.cli.outputs import claim_output
     from prf.shell.cli.progress import progress
-    from prf.shell.cli.seeds import resolve_seed
+    from prf.shell.cli.provenance import resolve_seed
     from prf.shell.errors import UsageError
 
     if output is None:
@@ -78,11 +78,11 @@ def simulate(
     claim_output(output, force, json=json)
     settings, used_seed = Settings.of_size(size, changes), resolve_seed(seed)
     with progress(1.0, "casting beams") as bar:
-        simulation = simulate_with_report(settings, used_seed, bar.update)
+        simulation = simulate_with_report(settings, used_seed, bar)
     write_cloud(output, simulation.cloud)
     if json:
         content = {"output": output, "seed": used_seed, "settings": settings.model_dump()}
-        jsonout.emit_object("mapq.simulate/1", {**content, **simulation.report._asdict()})
+        storage.emit_object("mapq.simulate/1", {**content, **simulation.report._asdict()})
         return
     say = say_beside(output)
     for name, value in _rows(simulation.report, output, used_seed):
@@ -92,7 +92,7 @@ def simulate(
 def _make_city(folder: str, changes: dict[str, Any], seed: int, force: bool, json: bool) -> None:
     """Write a city as LAZ tiles into a folder."""
     from mapq.simulate.city import write_city
-    from prf.shell.cli import console, jsonout
+    from prf.shell.cli import console, storage
     from prf.shell.cli.files import STREAM
     from prf.shell.cli.outputs import claim, claim_output
     from prf.shell.cli.progress import progress
@@ -110,9 +110,9 @@ def _make_city(folder: str, changes: dict[str, Any], seed: int, force: bool, jso
     claim(folder)
     n_points = CITY_POINTS if changes["n_points"] is None else changes["n_points"]
     with progress(1.0, "making tiles") as bar:
-        counts = write_city(folder, n_points, seed, progress=bar.update)
+        counts = write_city(folder, n_points, seed, progress=bar)
     if json:
-        jsonout.emit_object("mapq.city/1", {"output": folder, "seed": seed, **counts})
+        storage.emit_object("mapq.city/1", {"output": folder, "seed": seed, **counts})
         return
     share = counts["suspicious_points"] / counts["points"]
     console.summarize(f"{'tiles':<16}{counts['tiles']} in {folder}")

@@ -67,7 +67,7 @@ def train(
     from mapq.configuration import load_configuration, sources_of
     from mapq.crf.calibration import with_false_alarms
     from mapq.io.models import SCHEMA, model_content, write_model
-    from prf.shell.cli import jsonout
+    from prf.shell.cli import storage
     from prf.shell.cli.console import say_beside
     from prf.shell.cli.outputs import claim_output
 
@@ -87,7 +87,7 @@ def train(
         model = with_false_alarms(model, share, target)
     write_model(target, model)
     if json:
-        jsonout.emit_object(SCHEMA, {**model_content(model), "output": target})
+        storage.emit_object(SCHEMA, {**model_content(model), "output": target})
         return
     say = say_beside(target)
     for name, value in (*_fitted(model), *_held_out(model), ("model", target)):

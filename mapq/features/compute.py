@@ -23,7 +23,7 @@ from mapq.features.shape import (
 )
 from mapq.features.table import PatchFeatures
 from mapq.patches import Patches
-from prf.shell.cli.progress import Reporter
+from prf.shell.cli.progress import Report, report_nothing
 
 N_STEPS = 3
 """What `progress` counts to: patches measured, neighbours found, pairs measured."""
@@ -35,7 +35,7 @@ Floats = NDArray[np.float64]
 
 
 def patch_features(
-    patches: Patches, settings: FeatureSettings | None = None, progress: Reporter | None = None
+    patches: Patches, settings: FeatureSettings | None = None, progress: Report | None = None
 ) -> PatchFeatures:
     """Return the neighbourhood graph of the patches with the features of its nodes and edges.
 
@@ -58,14 +58,14 @@ def measure(
     settings: FeatureSettings,
     beyond: Beyond | None = None,
     own: NDArray[np.bool_] | None = None,
-    progress: Reporter | None = None,
+    progress: Report | None = None,
 ) -> PatchFeatures:
     """Return the features of patches that are in the map's own axes.
 
     `beyond`: what is known of the map, of which the patches are a part. `own` (m,): patches whose pairs are measured;
     None: all.
     """
-    report = progress.update if progress is not None else lambda _: None
+    report = progress or report_nothing
     shapes = measure_shapes(patches, settings)
     report(1)
     graph = find_neighbours(shapes, settings, own)

@@ -13,8 +13,7 @@ from mapq.cloud import PointCloud
 from mapq.io.content import Content
 from mapq.io.fields import LARGEST_COORDINATE, Array, cloud_of_world, fields_of_scans, joined_fields, warn_dropped
 from mapq.io.options import ReadOptions
-from prf.shell.cli.extras import require
-from prf.shell.errors import InputError
+from prf.shell.errors import InputError, require
 
 CARTESIAN = ("cartesianX", "cartesianY", "cartesianZ")
 SPHERICAL = ("sphericalRange", "sphericalAzimuth", "sphericalElevation")

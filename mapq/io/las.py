@@ -16,8 +16,7 @@ from mapq.io.content import Content, damage_in_one_line
 from mapq.io.fields import Array, check_coordinates, cloud_of_world, warn_dropped
 from mapq.io.las_unit import SYSTEM_USER, unit_of
 from mapq.io.options import ReadOptions
-from prf.shell.cli.extras import require
-from prf.shell.errors import InputError
+from prf.shell.errors import InputError, require
 
 if TYPE_CHECKING:
     from laspy import LasHeader, LasReader, ScaleAwarePointRecord

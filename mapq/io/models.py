@@ -17,8 +17,7 @@ from mapq.io.content import damage_in_one_line
 from mapq.kernels.boosted_trees import LEAF, Trees
 from mapq.model import CALIBRATIONS, EDGE_MODELS, ISOTONIC, PLATT, Calibration, Model, Potential, Scaling
 from prf.shell.cli.files import open_output
-from prf.shell.cli.jsonout import dump_object
-from prf.shell.cli.storage import damaged, load_object
+from prf.shell.cli.storage import damaged, dump_object, load_object
 from prf.shell.errors import InputError
 
 SCHEMA = "mapq.model/3"

@@ -18,8 +18,7 @@ from mapq.io.npy import ZIP_MAGIC
 from mapq.labels import NO_PATCH, PLAUSIBLE, SUSPICIOUS, UNLABELLED
 from mapq.patches import Patches
 from prf.shell.cli.files import STREAM, open_output
-from prf.shell.cli.jsonout import jsonable
-from prf.shell.cli.storage import check_schema, damaged, take_array
+from prf.shell.cli.storage import check_schema, damaged, jsonable, take_array
 from prf.shell.errors import InputError
 
 SCHEMA = "mapq.patches/1"

@@ -18,8 +18,7 @@ from mapq.io.content import Content, damage_in_one_line
 from mapq.io.fields import Array, axes_of, columns_of, make_cloud, refuse_doubles
 from mapq.io.options import ReadOptions
 from mapq.io.text import as_count, parse_rows
-from prf.shell.cli.extras import require
-from prf.shell.errors import InputError
+from prf.shell.errors import InputError, require
 
 LONGEST_HEADER = 1 << 16
 PADDING = "_"

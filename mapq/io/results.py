@@ -22,9 +22,8 @@ from mapq.io.fields import original_names
 from mapq.io.write import check_name, write_cloud
 from mapq.labels import PLAUSIBLE, SUSPICIOUS, UNLABELLED
 from prf.shell.cli.files import STREAM, atomic_write, open_input, together
-from prf.shell.cli.jsonout import dump_object, jsonable
 from prf.shell.cli.outputs import claim_output
-from prf.shell.cli.storage import check_schema, load_object
+from prf.shell.cli.storage import check_schema, dump_object, jsonable, load_object
 from prf.shell.errors import InputError, UsageError
 
 Row = dict[str, Any]

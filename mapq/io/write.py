@@ -8,9 +8,8 @@ from importlib.util import find_spec
 from mapq.cloud import PointCloud
 from mapq.io.las_write import write_las
 from mapq.io.ply import write_ply
-from prf.shell.cli.extras import install_hint
 from prf.shell.cli.outputs import refuse_other_format
-from prf.shell.errors import UsageError
+from prf.shell.errors import UsageError, install_hint
 
 LAS_SUFFIXES = (".las", ".laz")
 

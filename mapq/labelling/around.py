@@ -12,7 +12,7 @@ from mapq.patches import Patches
 from mapq.report.scene import build_scene
 from mapq.results.reasons import Reason, Reasons, pair_words
 from mapq.results.result import Result
-from prf.shell.cli.page.markup import packed
+from prf.shell.cli.page import packed
 
 MOST_NEIGHBOURS = 10
 """Of a patch: those that change its log-odds most, then the closest."""

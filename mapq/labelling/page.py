@@ -14,7 +14,7 @@ from mapq.labelling.store import NOTHING_YET, Store
 from mapq.labels import FROM_FIELD, UNLABELLED
 from mapq.report.scene import VIEWS
 from mapq.results.result import Result
-from prf.shell.cli.page.markup import escape, page
+from prf.shell.cli.page import escape, page
 
 
 class Page:

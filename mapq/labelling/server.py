@@ -15,7 +15,7 @@ from urllib.parse import parse_qs, urlsplit
 
 from mapq.io.journal import WORDS
 from mapq.labelling.page import Page
-from prf.shell.cli.jsonout import jsonable
+from prf.shell.cli.storage import jsonable
 from prf.shell.errors import PrfError, UsageError, system_reason
 
 logger = logging.getLogger(__name__)

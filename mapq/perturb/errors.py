@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapq.posed.scans import drive_passes, driven
-from prf.shell.cli.seeds import spawn_generators
+from prf.shell.cli.provenance import spawn_generators
 from prf.shell.errors import UsageError
 
 Floats = NDArray[np.float64]

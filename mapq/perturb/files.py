@@ -12,8 +12,8 @@ from mapq.io.write import check_name, write_cloud
 from mapq.labels import PLAUSIBLE, SUSPICIOUS, UNLABELLED
 from mapq.perturb.build import Built
 from prf.shell.cli.files import STREAM, atomic_write, together
-from prf.shell.cli.jsonout import dump_object
 from prf.shell.cli.outputs import claim_output
+from prf.shell.cli.storage import dump_object
 from prf.shell.errors import UsageError
 
 SCHEMA = "mapq.perturb/1"

@@ -15,7 +15,7 @@ from mapq.labels import SUSPICIOUS
 from mapq.report.findings import MAX_REGIONS, Findings
 from mapq.report.scene import VIEWS, Scene, build_scene
 from prf.shell.cli.files import encoded, open_output
-from prf.shell.cli.page.markup import escape, packed, packed_json, page, table
+from prf.shell.cli.page import escape, packed, packed_json, page, table
 
 DASH = "–"
 """Instead of a missing number."""

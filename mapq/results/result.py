@@ -32,11 +32,11 @@ from mapq.results.evaluate import Scores, score_labels
 from mapq.results.reasons import Reason, Reasons
 from mapq.results.regions import Region, find_regions, weighted_median
 from mapq.results.visits import Visits, visits_of
-from prf.shell.cli.jsonout import jsonable
-from prf.shell.cli.manifest import describe_process
-from prf.shell.cli.notebook import card
 from prf.shell.cli.outputs import refuse_existing
-from prf.shell.cli.progress import Reporter
+from prf.shell.cli.pictures import card
+from prf.shell.cli.progress import Report
+from prf.shell.cli.provenance import describe_process
+from prf.shell.cli.storage import jsonable
 from prf.shell.errors import ArgumentError
 
 if TYPE_CHECKING:
@@ -382,7 +382,7 @@ class Result:
 
 
 def assess(
-    patches: Patches, model: Model | None = None, progress: Reporter | None = None, origin: Origin | None = None
+    patches: Patches, model: Model | None = None, progress: Report | None = None, origin: Origin | None = None
 ) -> Result:
     """Return the labels of patches by a model (None: the model that ships with the package).
 

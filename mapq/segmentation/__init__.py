@@ -17,7 +17,7 @@ from mapq.segmentation.parameters import Parameters, choose_parameters
 from mapq.segmentation.points import Points, sort_points
 from mapq.segmentation.regions import find_regions, spread_out
 from mapq.segmentation.settings import SegmentSettings as SegmentSettings
-from prf.shell.cli.progress import Reporter
+from prf.shell.cli.progress import Report
 from prf.shell.errors import InputError
 
 STAGES = ("sorting", "estimating", "neighbours and normals", "growing", "finishing")
@@ -28,7 +28,7 @@ MANY_POINTS = 10_000
 def segment(
     cloud: PointCloud,
     settings: SegmentSettings | None = None,
-    progress: Reporter | None = None,
+    progress: Report | None = None,
 ) -> Patches:
     """Cut a cloud into plane patches.
 
@@ -77,9 +77,9 @@ def cut_points(
     return spread_out(points, core, chosen, find_regions(core, chosen)), core
 
 
-def _report(progress: Reporter | None, done: int) -> None:
+def _report(progress: Report | None, done: int) -> None:
     if progress is not None:
-        progress.update(done, stage=STAGES[done])
+        progress(done, stage=STAGES[done])
 
 
 def _refuse_lines(points: Points, cloud: PointCloud) -> None:

@@ -16,7 +16,7 @@ from mapq.simulate.scene import MOVING, NO_SURFACE, Frame, Kind, SceneBuilder, W
 from mapq.simulate.settings import Settings
 from mapq.simulate.street import add_traffic
 from mapq.simulate.truth import Seen, Truth, judge
-from prf.shell.cli.seeds import spawn_generators
+from prf.shell.cli.provenance import spawn_generators
 
 Floats = NDArray[np.float64]
 

@@ -37,7 +37,7 @@ from mapq.tiled.store import Store
 from mapq.tiled.tiling import HALO_IN_GAPS, HALO_IN_SPACING, Counts, Tiling, cells_of, keys_of, make_tiling
 from mapq.tiled.workers import Workers, open_workers
 from prf.shell.cli.files import work_folder
-from prf.shell.cli.progress import Reporter, progress
+from prf.shell.cli.progress import Report, progress
 from prf.shell.errors import InputError, UsageError
 
 TILE_POINTS = 2_500_000
@@ -135,7 +135,7 @@ class Job:
     tiling: Tiling
 
     def __init__(
-        self, files: Map, settings: TileSettings, workers: Workers, folder: str, reporter: Reporter | None = None
+        self, files: Map, settings: TileSettings, workers: Workers, folder: str, reporter: Report | None = None
     ) -> None:
         self._files, self._settings, self._workers, self._reporter = files, settings, workers, reporter
         names = tuple(name for name in dict.fromkeys((*FIELDS, *visits.FIELDS)) if name in files.fields)
@@ -182,7 +182,7 @@ class Job:
     def _reported(self, stage: str, items: Iterable[Any], n_items: int) -> Iterator[Any]:
         for place, item in enumerate(items):
             if self._reporter is not None:
-                self._reporter.update(STAGES.index(stage) + (place + 1) / n_items, stage=stage)
+                self._reporter(STAGES.index(stage) + (place + 1) / n_items, stage=stage)
             yield item
 
     def _count(self) -> _Counted:

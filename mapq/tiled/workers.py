@@ -15,8 +15,7 @@ from multiprocessing.connection import wait as wait_for
 from typing import Any
 
 from mapq import __version__
-from prf.shell.cli.extras import require
-from prf.shell.errors import InputError, PrfError
+from prf.shell.errors import InputError, PrfError, require
 from prf.shell.scheduler import open_client
 
 Workers = Callable[[Callable[[Any], Any], Sequence[Any]], Iterable[Any]]

@@ -29,9 +29,9 @@ from prf.results.write import is_unfinished
 from prf.sampler.driver import StopRule, drive
 from prf.sampler.prepare import with_poses
 from prf.sampler.session import Session
-from prf.shell.cli.notebook import ProgressCallback, reported
 from prf.shell.cli.outputs import exclusive, refuse_existing
-from prf.shell.cli.seeds import resolve_seed
+from prf.shell.cli.progress import ProgressCallback, reported
+from prf.shell.cli.provenance import resolve_seed
 from prf.shell.cli.settings import Loaded
 from prf.shell.cli.signals import graceful_stop
 from prf.shell.errors import ArgumentError
@@ -215,7 +215,7 @@ def _run(
     with session.sampler, graceful_stop(signals) as stop, reported(progress, 1.0, "sampling") as reporter:
 
         def report(session: Session) -> None:
-            reporter.update(session.progress.share, **_shown(session))
+            reporter(session.progress.share, **_shown(session))
             if watch is not None:
                 watch(session)
 

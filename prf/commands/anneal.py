@@ -81,7 +81,7 @@ def anneal(
     from prf.sampler.prepare import with_poses
     from prf.sampler.session import default_output
     from prf.shell.cli.outputs import claim_output
-    from prf.shell.cli.seeds import resolve_seed
+    from prf.shell.cli.provenance import resolve_seed
     from prf.shell.errors import UsageError
 
     logs = [log for log in (laser, sonar, point_data) if log is not None]
@@ -120,7 +120,7 @@ def _cool(
     from prf.sampler.anneal import anneal as cool
     from prf.sampler.prepare import describe_readings, read_prepared
     from prf.shell.cli.progress import progress
-    from prf.shell.cli.seeds import spawn_generators
+    from prf.shell.cli.provenance import spawn_generators
     from prf.shell.cli.signals import graceful_stop
 
     laser, sonar, point_data = inputs
@@ -137,7 +137,7 @@ def _cool(
             schedule,
             threads or len(os.sched_getaffinity(0)),
             starts_from=prepared.config.sampler.start or "empty",
-            on_progress=lambda now: reporter.update(now.share, T=f"{now.temperature:.2g}", best=f"{now.score:,.1f}"),
+            on_progress=lambda now: reporter(now.share, T=f"{now.temperature:.2g}", best=f"{now.score:,.1f}"),
             stop_requested=lambda: stop.requested,
         )
     configuration = {name: value for name, value in prepared.config.flat().items() if name != "resolution"}
@@ -156,7 +156,7 @@ def _write(target: str, found: Annealed, made: dict[str, Any], logs: list[str]) 
     """Write the map file; return its text."""
     from prf.results.geojson import map_text
     from prf.shell.cli.files import open_output
-    from prf.shell.cli.manifest import describe_process
+    from prf.shell.cli.provenance import describe_process
 
     text = map_text(found.best, {**made, **describe_process(logs)})
     with open_output(target) as stream:
@@ -166,7 +166,7 @@ def _write(target: str, found: Annealed, made: dict[str, Any], logs: list[str]) 
 
 def _report(found: Annealed, text: str, target: str, made: dict[str, Any], json: bool) -> None:
     """Print what came of it."""
-    from prf.shell.cli import jsonout
+    from prf.shell.cli import storage
     from prf.shell.cli.console import say_beside
     from prf.shell.cli.files import encoded
 
@@ -187,7 +187,7 @@ def _report(found: Annealed, text: str, target: str, made: dict[str, Any], json:
         "n_beams_thinned": made["n_beams_thinned"],
     }
     if json:
-        jsonout.emit_object("prf.anneal/1", result)
+        storage.emit_object("prf.anneal/1", result)
         return
     say = say_beside(target)
     others = sorted(found.by_chain, reverse=True)[1:]

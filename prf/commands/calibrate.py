@@ -72,12 +72,12 @@ def calibrate(
 def _report(found: list[Calibrated], output: str | None, json: bool) -> None:
     """Print what came of it."""
     from prf.calibrate import lines_of, report_of
-    from prf.shell.cli import jsonout
+    from prf.shell.cli import storage
     from prf.shell.cli.console import is_verbose, say_beside
 
     if json:
         parts = {part.kind: report_of(part) for part in found}
-        jsonout.emit_object("prf.calibrate/2", {**parts, "output": output})
+        storage.emit_object("prf.calibrate/2", {**parts, "output": output})
         return
     say, most = say_beside(output), None if is_verbose() or len(found) == 1 else 4
     for part in found:

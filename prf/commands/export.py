@@ -83,7 +83,7 @@ def export(
     the image it names; it is the one format for a GRID. dxf and netcdf need libraries: pip install '.[dxf,netcdf]'.
     """
     from prf.output.export import Options, export_source
-    from prf.shell.cli import jsonout
+    from prf.shell.cli import storage
     from prf.shell.cli.console import say_beside
     from prf.shell.cli.outputs import refuse_json_on_stream
 
@@ -94,7 +94,7 @@ def export(
         logger.warning(note)
     if json:
         content = {"format": done.format, "files": [file._asdict() for file in done.files], **done.facts}
-        jsonout.emit_object("prf.export/1", content)
+        storage.emit_object("prf.export/1", content)
         return
     say = say_beside(output or done.files[0].path)
     for line in _lines(done):

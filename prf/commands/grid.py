@@ -57,8 +57,8 @@ def grid(
     from prf.sampler.prepare import read_configured, with_poses
     from prf.sampler.session import default_output
     from prf.shell.cli.files import STREAM
-    from prf.shell.cli.manifest import describe_process
     from prf.shell.cli.outputs import claim_output
+    from prf.shell.cli.provenance import describe_process
     from prf.shell.errors import UsageError
 
     logs = [log for log in (laser, sonar) if log is not None]
@@ -81,7 +81,7 @@ def grid(
 
 def _report(built: BuiltGrid, target: str, json: bool) -> None:
     """Print what came of it."""
-    from prf.shell.cli import console, jsonout
+    from prf.shell.cli import console, storage
 
     made = built.grid
     result = {
@@ -95,7 +95,7 @@ def _report(built: BuiltGrid, target: str, json: bool) -> None:
         "share_seen": made.share_seen,
     }
     if json:
-        jsonout.emit_object("prf.grid.built/1", result)
+        storage.emit_object("prf.grid.built/1", result)
         return
     n_rows, n_columns = made.occupancy.shape
     console.summarize(

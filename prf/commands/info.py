@@ -51,7 +51,7 @@ def info(
     that.
     """
     from prf.readings import describe, read_poses, read_readings
-    from prf.shell.cli import console, jsonout
+    from prf.shell.cli import console, storage
 
     if point_data:
         _tell_points(log, json)
@@ -62,7 +62,7 @@ def info(
     trajectory = None if poses is None else read_poses(poses)
     summary = describe(read_readings(log, kind, topic=topic, frame=frame, poses=trajectory), log)
     if json:
-        jsonout.emit_object("prf.info/1", jsonout.jsonable(summary))
+        storage.emit_object("prf.info/1", storage.jsonable(summary))
     else:
         for line in _lines(summary):
             console.emit(line)
@@ -70,11 +70,11 @@ def info(
 
 def _tell_points(file: str, json: bool) -> None:
     from prf.readings import describe_points, read_point_data
-    from prf.shell.cli import console, jsonout
+    from prf.shell.cli import console, storage
 
     found = describe_points(read_point_data(file))
     if json:
-        jsonout.emit_object("prf.info.points/1", found._asdict())
+        storage.emit_object("prf.info.points/1", found._asdict())
         return
     x0, y0, x1, y1 = found.extent
     rows = {

@@ -37,13 +37,13 @@ def inspect(
     since draws are read.
     """
     from prf.results.inspection import inspect as look_into
-    from prf.shell.cli import console, jsonout
+    from prf.shell.cli import console, storage
     from prf.shell.errors import InputError
 
     found = look_into(source)
     if json:
         content = {"path": source, "kind": found.kind, "manifest": found.manifest}
-        jsonout.emit_object("prf.inspect/1", {**content, "files": [file._asdict() for file in found.files]})
+        storage.emit_object("prf.inspect/1", {**content, "files": [file._asdict() for file in found.files]})
     else:
         rows = dict(_flat({"kind": found.kind, **found.manifest}))
         main = rows if console.is_verbose() else {name: rows[name] for name in MAIN if name in rows}

@@ -56,11 +56,11 @@ def prior(
     from prf.model.arak import compare
     from prf.model.coloring import feature_lines
     from prf.model.window import Window
-    from prf.shell.cli import jsonout
+    from prf.shell.cli import storage
     from prf.shell.cli.console import say_beside
     from prf.shell.cli.files import open_output
     from prf.shell.cli.outputs import claim_output
-    from prf.shell.cli.seeds import resolve_seed
+    from prf.shell.cli.provenance import resolve_seed
     from prf.shell.errors import UsageError
 
     if thin is not None and method is Method.exact:
@@ -81,7 +81,7 @@ def prior(
             "seed": used_seed,
             "thin": used_thin,
         }
-        jsonout.emit_object("prf.prior/1", {**settings, **comparison._asdict(), "output": output})
+        storage.emit_object("prf.prior/1", {**settings, **comparison._asdict(), "output": output})
         return
     say = say_beside(output)
     for line in (*_lines(comparison, used_seed, used_thin), *([f"wrote       {output}"] if output else ())):
@@ -94,7 +94,7 @@ def _draw(
     """Return the draws, and the steps between two draws of the chain (None for exact draws)."""
     if method is Method.exact:
         from prf.model.arak import exact_draws
-        from prf.shell.cli.seeds import spawn_generators
+        from prf.shell.cli.provenance import spawn_generators
 
         return exact_draws(scale, window, n_draws, spawn_generators(seed, 1)[0]), None
     from prf.sampler.prior import mcmc_draws

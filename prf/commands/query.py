@@ -78,7 +78,7 @@ def query(
 def _answer_points(source: Run | OccupancyGrid, points: str, square: float, json: bool) -> None:
     from prf.readings.points import read_points
     from prf.results import occupancy
-    from prf.shell.cli import console, jsonout
+    from prf.shell.cli import console, storage
 
     xy = read_points(points)
     columns = {"x": xy[:, 0].tolist(), "y": xy[:, 1].tolist()}
@@ -96,7 +96,7 @@ def _answer_points(source: Run | OccupancyGrid, points: str, square: float, json
     rows = zip(*columns.values(), strict=True)
     if json:
         content = [dict(zip(columns, row, strict=True)) for row in rows]
-        jsonout.emit_object("prf.query.points/1", {"points": content, "square": square, "n_draws": n_draws})
+        storage.emit_object("prf.query.points/1", {"points": content, "square": square, "n_draws": n_draws})
     else:
         console.emit("\n".join([",".join(columns), *(",".join(map(repr, row)) for row in rows)]))
     if found is not None:  # below the rows, where it stays in sight
@@ -106,7 +106,7 @@ def _answer_points(source: Run | OccupancyGrid, points: str, square: float, json
 def _answer_path(source: Run | OccupancyGrid, path: str, radius: float, json: bool) -> None:
     from prf.readings.points import read_points
     from prf.results import occupancy
-    from prf.shell.cli import console, jsonout
+    from prf.shell.cli import console, storage
 
     xy = read_points(path)
     if isinstance(source, occupancy.OccupancyGrid):
@@ -120,7 +120,7 @@ def _answer_path(source: Run | OccupancyGrid, path: str, radius: float, json: bo
     if answer["p_free"] != answer["p_free"]:
         logger.warning("%s: the path leaves the window, so nothing is known of it: p_free is nan.", path)
     if json:
-        jsonout.emit_object("prf.query.path/1", answer)
+        storage.emit_object("prf.query.path/1", answer)
     else:
         shown = {name: value for name, value in answer.items() if value is not None}
         shown |= {name: round(shown[name], 2) for name in ("ess", "rhat") if name in shown}

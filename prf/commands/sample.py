@@ -144,7 +144,7 @@ def _folder(logs: dict[str, str], output: str | None, resume: str | None) -> Pat
 
 def _report(run: Run, folder: Path, json: bool, asked_steps: int | None) -> None:
     """Print what came of it; `asked_steps` may be fewer than whole rounds have."""
-    from prf.shell.cli import console, jsonout
+    from prf.shell.cli import console, storage
 
     assert run.diagnostics is not None
     assert run.progress is not None
@@ -167,7 +167,7 @@ def _report(run: Run, folder: Path, json: bool, asked_steps: int | None) -> None
     if run.trajectory is not None:
         result["trajectory"] = run.trajectory.figures()
     if json:
-        jsonout.emit_object("prf.sample/1", result)
+        storage.emit_object("prf.sample/1", result)
         return
     for line in _summary(run, folder, asked_steps):
         console.summarize(line)

@@ -102,7 +102,7 @@ def score(
     from prf.results.score import SCORE_DEFAULTS, hold_out, hold_out_sonar, open_map, read_occupied_area, true_cells
     from prf.results.score import score as score_map
     from prf.sampler.prepare import read_configured
-    from prf.shell.cli.seeds import resolve_seed
+    from prf.shell.cli.provenance import resolve_seed
     from prf.shell.errors import UsageError
 
     if laser is None and sonar is None and truth is None:
@@ -138,10 +138,10 @@ def _warn(scored: str, result: dict[str, Any]) -> None:
 
 def _report(result: dict[str, Any], json: bool) -> None:
     """Print the scores."""
-    from prf.shell.cli import console, jsonout
+    from prf.shell.cli import console, storage
 
     if json:
-        jsonout.emit_object("prf.score/1", result)
+        storage.emit_object("prf.score/1", result)
         return
     shown = {name: value for name, value in result.items() if name in MAIN or console.is_verbose()}
     width = max(map(len, shown))

@@ -74,11 +74,11 @@ def simulate(
     true_poses.csv and .tum the true ones. For one loop give its waypoints as --path.
     """
     from prf.configuration import load_configuration
-    from prf.shell.cli import jsonout
+    from prf.shell.cli import storage
     from prf.shell.cli.files import STREAM
     from prf.shell.cli.outputs import claim, refuse_existing
     from prf.shell.cli.progress import progress
-    from prf.shell.cli.seeds import resolve_seed
+    from prf.shell.cli.provenance import resolve_seed
     from prf.shell.errors import UsageError
     from prf.simulate import config_of, refuse_absent_sensor, summary, write_simulation
     from prf.simulate import simulate as make
@@ -94,11 +94,11 @@ def simulate(
     options = {"size": size, "scale": scale, "path": path, "readings": readings, "pose_noise": errors.pose_noise}
     config = config_of(loaded.settings.simulate, world, laser, sonar, odometry_noise=errors.step_noise, **options)
     with progress(1.0, "casting beams") as bar:
-        simulation = make(config, resolve_seed(seed), bar.update)
+        simulation = make(config, resolve_seed(seed), bar)
     write_simulation(output, simulation)
     result = {"output": output, **summary(simulation)}
     if json:
-        jsonout.emit_object("prf.simulate/1", result)
+        storage.emit_object("prf.simulate/1", result)
     else:
         _report(result)
 

@@ -28,8 +28,8 @@ from prf.results.estimate import (
 )
 from prf.results.read import PARTS, read_run_data
 from prf.results.write import remove_stale_outputs, write_run
-from prf.shell.cli.notebook import card
 from prf.shell.cli.outputs import exclusive, refuse_existing
+from prf.shell.cli.pictures import card
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from prf.model.laser import unit_vectors
 from prf.model.window import LARGEST_RANGE
 from prf.readings.text import FloatArray, IntArray, check_domains
-from prf.shell.cli.notebook import card
+from prf.shell.cli.pictures import card
 from prf.shell.errors import ConfigError, InputError
 
 Kind = Literal["laser", "sonar"]

@@ -19,8 +19,7 @@ from prf.model.coloring.polygons import refuse_far
 from prf.model.window import Window
 from prf.results import names
 from prf.shell.cli.files import open_input
-from prf.shell.cli.jsonout import dump_object
-from prf.shell.cli.storage import load_object
+from prf.shell.cli.storage import dump_object, load_object
 from prf.shell.errors import ConfigError, InputError
 
 

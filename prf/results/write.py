@@ -17,9 +17,8 @@ from prf.results import names
 from prf.results.geojson import map_text
 from prf.results.run import PosteriorImage, RunData
 from prf.shell.cli.files import atomic_write
-from prf.shell.cli.jsonout import dump_object
 from prf.shell.cli.outputs import is_leftover, remove_leftovers
-from prf.shell.cli.storage import save_arrays
+from prf.shell.cli.storage import dump_object, save_arrays
 from prf.shell.errors import OutputError, cannot_write, system_reason
 
 FILES = (names.MANIFEST, names.CHECKPOINT, names.PICTURE, names.TRAJECTORY, *names.SCHEMAS)

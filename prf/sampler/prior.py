@@ -10,7 +10,7 @@ from prf.model.coloring import Coloring, Draws
 from prf.model.layout import read_coloring, run_chain
 from prf.model.window import Window
 from prf.sampler.posterior import Settings, make_chain
-from prf.shell.cli.seeds import spawn_generators
+from prf.shell.cli.provenance import spawn_generators
 
 THIN_PER_EDGE = 50
 """Steps between draws for each edge to be expected: about the autocorrelation time of the number of edges."""

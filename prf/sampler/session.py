@@ -32,8 +32,7 @@ from prf.sampler.chains import Sampler
 from prf.sampler.checkpoint import load_checkpoint, load_pose_model, save_checkpoint
 from prf.sampler.posterior import Settings
 from prf.sampler.prepare import Prepared, describe_readings, ladder_plan, make_settings
-from prf.shell.cli.manifest import describe_input, describe_process, versions
-from prf.shell.cli.seeds import spawn_generators
+from prf.shell.cli.provenance import describe_input, describe_process, spawn_generators, versions
 from prf.shell.cli.settings import Loaded
 from prf.shell.errors import ConfigError, InputError, OutputError
 
@@ -63,7 +62,7 @@ class Session:
     sampler: Sampler
     config: Configuration  # resolved
     seed: int
-    process: dict[str, Any]  # versions, platform, command, inputs (:func:`prf.shell.cli.manifest.describe_process`)
+    process: dict[str, Any]  # versions, platform, command, inputs (:func:`prf.shell.cli.provenance.describe_process`)
     folder: Path | None = None
     seconds_before: float = 0.0  # sampling in earlier processes of a resumed run
     is_resumed: bool = False  # whether the folder holds the run already

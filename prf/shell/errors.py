@@ -6,13 +6,19 @@ A message is one line: what is wrong, where (``file:line`` or the option), and w
 
 from __future__ import annotations
 
+import importlib
 import os
+import shlex
+from importlib import metadata
+from typing import Any
 
 EXIT_OK = 0
 EXIT_INTERNAL = 70
 """``EX_SOFTWARE`` of sysexits.h: the fault is the program's."""
 EXIT_BROKEN_PIPE = 141
 """What the shell reports for a program that SIGPIPE ended, as in ``prf query ... | head``."""
+
+DISTRIBUTION = "prf-mapq"
 
 LONGEST_MESSAGE = 4000
 """Characters. A message that quotes a damaged file may be longer; its middle is left out."""
@@ -85,6 +91,27 @@ def system_reason(error: OSError) -> str:
 def cannot_write(place: str | os.PathLike[str], error: OSError) -> OutputError:
     """Return what to raise when the system refuses that `place` be written."""
     return OutputError(f"{os.fspath(place)}: cannot be written ({system_reason(error)}).")
+
+
+def require(module: str, extra: str, what: str, error: type[PrfError] = UsageError) -> Any:
+    """Return the module, imported by name, or raise `error` if it is not installed.
+
+    `extra`: of this distribution, which brings it. `what`: needs it, say ``--format dxf`` or ``map.bag: a ROS bag``.
+    """
+    try:
+        return importlib.import_module(module)
+    except ImportError as cause:
+        raise error(f"{what} needs {module}, which is not installed. {install_hint(extra)}") from cause
+
+
+def install_hint(extra: str) -> str:
+    """Return how to install an extra: in a checkout by its name, elsewhere (from a wheel) by what it consists of."""
+    try:
+        wanted = metadata.requires(DISTRIBUTION) or []
+    except metadata.PackageNotFoundError:  # the tree itself, not installed
+        wanted = []
+    parts = [shlex.quote(one.partition(";")[0].strip()) for one in wanted if f"extra == '{extra}'" in one]
+    return f"In a checkout: pip install '.[{extra}]'" + (f"; elsewhere: pip install {' '.join(parts)}" if parts else "")
 
 
 def _one_line(message: str) -> str:

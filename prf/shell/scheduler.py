@@ -7,8 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from typing import Any
 
-from prf.shell.cli.extras import require
-from prf.shell.errors import ConfigError, InputError
+from prf.shell.errors import ConfigError, InputError, require
 
 CONNECT_SECONDS = 10.0
 """A scheduler that does not answer for so long is not there."""

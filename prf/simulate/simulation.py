@@ -12,7 +12,7 @@ from prf.configuration import Simulate
 from prf.model.domain import check_length
 from prf.model.window import Window
 from prf.readings.robot import PIONEER, mounted
-from prf.shell.cli.seeds import spawn_generators
+from prf.shell.cli.provenance import spawn_generators
 from prf.shell.errors import ConfigError, InputError, UsageError
 from prf.simulate.given import given_scans
 from prf.simulate.laser import LaserPhysics, simulate_laser

@@ -20,10 +20,10 @@ from prf.readings.table import OPTIONAL, REQUIRED
 from prf.results.geojson import map_text
 from prf.shell.cli import pictures as style
 from prf.shell.cli.files import Group, atomic_write, made_folder, together
-from prf.shell.cli.jsonout import dump_object
-from prf.shell.cli.manifest import describe_input, versions
 from prf.shell.cli.outputs import remove_leftovers
 from prf.shell.cli.pictures import Target
+from prf.shell.cli.provenance import describe_input, versions
+from prf.shell.cli.storage import dump_object
 from prf.simulate.given import rms_errors
 from prf.simulate.laser import LaserPhysics
 from prf.simulate.path import DIGITS, Scans

@@ -15,7 +15,7 @@ from prf.model.window import Window
 from prf.sampler.anneal import Annealed, Schedule, anneal
 from prf.sampler.driver import StopRule
 from prf.sampler.posterior import Settings, make_chain
-from prf.shell.cli.seeds import spawn_generators
+from prf.shell.cli.provenance import spawn_generators
 from prf.shell.errors import ConfigError
 from tests.reference.beams import Sensor
 from tests.reference.worlds import World, draw_world, office

@@ -17,7 +17,7 @@ from prf.sampler import Sampler
 from prf.sampler.chains import probe_pixels
 from prf.sampler.posterior import Settings
 from prf.sampler.record import FUNCTIONALS
-from prf.shell.cli.seeds import spawn_generators
+from prf.shell.cli.provenance import spawn_generators
 from tests.reference.beams import Sensor
 from tests.reference.chain_state import digest
 from tests.reference.worlds import World, draw_world

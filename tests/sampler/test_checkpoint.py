@@ -14,7 +14,7 @@ from prf.sampler import Sampler
 from prf.sampler.checkpoint import SCHEMA, Arrays, load_checkpoint, save_checkpoint
 from prf.sampler.posterior import Settings
 from prf.sampler.tempering import LadderPlan
-from prf.shell.cli.seeds import spawn_generators
+from prf.shell.cli.provenance import spawn_generators
 from prf.shell.cli.storage import load_arrays, save_arrays
 from prf.shell.errors import InputError
 from tests.reference.beams import Sensor

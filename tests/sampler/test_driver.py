@@ -14,7 +14,7 @@ from prf.sampler import Sampler, StopRule, driver
 from prf.sampler import rounds as rounds_of
 from prf.sampler.driver import is_check
 from prf.sampler.posterior import Settings
-from prf.shell.cli.seeds import spawn_generators
+from prf.shell.cli.provenance import spawn_generators
 
 UNIT = Window(0.0, 0.0, 1.0, 1.0)
 

@@ -26,7 +26,7 @@ from prf.sampler.posterior import LaserData, Settings, make_chain
 from prf.sampler.prior import BURN_IN_DRAWS, chosen_thin
 from prf.sampler.prior_ground import PriorGround, closed_boxes, closed_cells, prior_ground
 from prf.sampler.tempering import LadderPlan
-from prf.shell.cli.seeds import spawn_generators
+from prf.shell.cli.provenance import spawn_generators
 from prf.shell.errors import ConfigError
 from tests.reference.beams import Sensor
 from tests.reference.chain_state import digest, structural_faults

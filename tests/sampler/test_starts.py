@@ -14,7 +14,7 @@ from prf.model.window import Window
 from prf.sampler import Sampler, starts
 from prf.sampler.posterior import Settings, make_chain
 from prf.sampler.starts import contour_map, find_start_map, map_of_region
-from prf.shell.cli.seeds import spawn_generators
+from prf.shell.cli.provenance import spawn_generators
 from prf.shell.errors import ConfigError
 from tests.reference.beams import Sensor
 from tests.reference.slow_sonar import Ring

@@ -16,7 +16,7 @@ from prf.sampler import Sampler
 from prf.sampler.chain import ChainSampler
 from prf.sampler.posterior import Settings, make_chain
 from prf.sampler.targets import EVEN, NEVER, TURN, TURNS, Doubts, Focus, aim, focus_of, target_of_beams, unexplained
-from prf.shell.cli.seeds import spawn_generators
+from prf.shell.cli.provenance import spawn_generators
 from tests.reference.beams import Sensor
 from tests.reference.recompute import differences
 from tests.reference.worlds import draw_world

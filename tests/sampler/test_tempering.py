@@ -26,7 +26,7 @@ from prf.sampler.checkpoint import load_checkpoint, save_checkpoint
 from prf.sampler.posterior import Settings, make_chain
 from prf.sampler.prepare import ladder_plan
 from prf.sampler.tempering import AUTO_TEMPERATURES, Ladder, LadderPlan, Tempering, even_powers, stretched_powers
-from prf.shell.cli.seeds import spawn_generators
+from prf.shell.cli.provenance import spawn_generators
 from tests.reference.beams import Sensor
 from tests.reference.chain_state import digest, structural_faults
 from tests.reference.recompute import differences

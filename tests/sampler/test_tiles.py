@@ -22,7 +22,7 @@ from prf.sampler.tiles.part import cut_targets, make_part
 from prf.sampler.tiles.partition import random_tiles
 from prf.sampler.tiles.rounds import Round, TileData, make_round, make_tile_data
 from prf.sampler.tiles.tiled import draw_at, finish_round, work_tile
-from prf.shell.cli.seeds import spawn_generators
+from prf.shell.cli.provenance import spawn_generators
 from tests.reference.beams import Sensor
 from tests.reference.chain_state import digest, structural_faults
 from tests.reference.recompute import differences, recompute_impacts

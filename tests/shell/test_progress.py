@@ -36,7 +36,7 @@ def run(clock: Clock, n_updates: int, seconds_each: float) -> None:
     with progress.progress(n_updates, "sampling") as bar:
         for done in range(1, n_updates + 1):
             clock.now += seconds_each
-            bar.update(done, steps_per_second="150k")
+            bar(done, steps_per_second="150k")
 
 
 def test_a_pipe_gets_a_plain_line_every_ten_seconds(clock: Clock, capsys: pytest.CaptureFixture[str]) -> None:
@@ -71,7 +71,7 @@ def test_a_terminal_gets_a_bar_on_stderr(monkeypatch: pytest.MonkeyPatch, capsys
     monkeypatch.setenv("COLUMNS", "120")
     monkeypatch.setattr("sys.stderr", terminal)
     with progress.progress(10, "sampling") as bar:
-        bar.update(5, rhat="[1.20]")
+        bar(5, rhat="[1.20]")
     assert "sampling" in terminal.getvalue()
     assert "rhat [1.20]" in terminal.getvalue(), "fields are text, not markup"
     assert capsys.readouterr().out == ""

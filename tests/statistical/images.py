@@ -110,7 +110,7 @@ def by_loops(station: Station, settings: Settings, n_chains: int, steps: int, se
             for step, coloring in enumerate(itertools.islice(chain, steps)):
                 if step >= BURN_IN * steps and step % SPACING == 0:
                     maps.append(coloring)
-                    reporter.update(number * steps + step)
+                    reporter(number * steps + step)
             kept.append(looked_at(Draws.from_colorings(maps)))
     return estimate(np.array(kept), time.monotonic() - start)
 
@@ -125,7 +125,7 @@ def by_sampler(
         with progress(steps, "the sampler") as reporter:
             while sampler.step < steps:
                 sampler.advance()
-                reporter.update(sampler.step)
+                reporter(sampler.step)
         found = sampler.sample()
     values = looked_at(found.draws)
     return estimate(np.array([values[found.chain == k] for k in range(n_chains)]), time.monotonic() - start)

@@ -170,7 +170,7 @@ def run_joint(station: Station, program: Program, n_chains: int, n_turns: int, n
         for number in range(n_chains):
             rng = np.random.default_rng([seed, *name, number])
             rows.append(successive(station, program, n_turns, rng)[1:].mean(axis=0))
-            reporter.update(number + 1, chains=number + 1)
+            reporter(number + 1, chains=number + 1)
     found = plain_mean(np.array(rows))
     limit = float(stats.t.isf(0.5 * (1.0 - CONFIDENCE) / len(QUANTITIES), n_chains - 1))
     return Joint(apart, found, z_scores(found, apart), limit, n_chains, time.monotonic() - start)

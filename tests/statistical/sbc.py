@@ -150,7 +150,7 @@ def calibrate(
     with ThreadPoolExecutor(workers) as pool, progress(n_worlds, title) as reporter:
         for world in pool.map(make, range(n_worlds)):
             worlds.append(world)
-            reporter.update(len(worlds), worlds=len(worlds))
+            reporter(len(worlds), worlds=len(worlds))
     return Calibration(names, n_draws, worlds, time.monotonic() - start)
 
 

@@ -20,7 +20,7 @@ from prf.model.sonar import SonarModel, make_poses
 from prf.model.window import Window
 from prf.sampler import Sampler, posterior
 from prf.sampler.posterior import LaserData, Settings, SonarData
-from prf.shell.cli.seeds import spawn_generators
+from prf.shell.cli.provenance import spawn_generators
 from tests.reference.beams import Sensor, draw_readings, impacts
 from tests.reference.slow_sonar import Cone, Ring
 from tests.reference.sonar_worlds import draw_data, ring_all_round

@@ -25,7 +25,7 @@ from prf.sampler.posterior import Settings, make_chain
 from prf.sampler.tempering import LadderPlan
 from prf.sampler.tiles import partition as schedule
 from prf.sampler.tiles import tiled
-from prf.shell.cli.seeds import spawn_generators
+from prf.shell.cli.provenance import spawn_generators
 from tests.reference.free_way import is_free
 from tests.statistical.problems import NAMES, from_map
 

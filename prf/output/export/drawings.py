@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from shapely import MultiPolygon, Polygon
 
 from prf.model.window import Window
-from prf.shell.cli.extras import require
+from prf.shell.errors import require
 
 MAX_SIDE = 0.4  # metres of paper: the longer side of an A3 page with margins
 DECIMALS = 4  # a tenth of a millimetre in the world

@@ -15,10 +15,9 @@ from numpy.typing import NDArray
 
 from prf import __version__
 from prf.results import RunData
-from prf.shell.cli.extras import require
 from prf.shell.cli.files import encoded
-from prf.shell.cli.jsonout import jsonable
-from prf.shell.errors import InputError
+from prf.shell.cli.storage import jsonable
+from prf.shell.errors import InputError, require
 
 SCHEMA = "prf.netcdf/1"
 ENGINE = "h5netcdf"

@@ -17,7 +17,7 @@ from prf.model.window import INTERIOR, Window
 from prf.poses.posterior import Trajectory
 from prf.results import PosteriorImage, RunData
 from prf.results.run import LEAST_DIFFERENCE
-from prf.shell.cli.page.markup import packed
+from prf.shell.cli.page import packed
 
 MAX_BYTES = 2_500_000
 """Of the draws in a page, as text: all that is recorded of most runs. Of larger ones a thinned share is embedded."""

@@ -18,7 +18,7 @@ from prf.output.report.words import (
 )
 from prf.results import RunData, map_text, names
 from prf.shell.cli.files import encoded, open_output
-from prf.shell.cli.page.markup import escape, packed_json, page
+from prf.shell.cli.page import escape, packed_json, page
 from prf.shell.errors import InputError
 
 SCRIPTS = ("draws.js", "estimate.js", "map.js", "report.js")

@@ -11,7 +11,7 @@ import numpy as np
 from prf.readings import log_stem
 from prf.results import RunData
 from prf.results.convergence import Diagnosis, time_words
-from prf.shell.cli.page.markup import escape, table
+from prf.shell.cli.page import escape, table
 from prf.shell.cli.pictures import counted, number, window_words
 
 

@@ -19,8 +19,7 @@ from prf.kernels.state.grid import Grid
 from prf.model.window import Window
 from prf.results import PosteriorImage
 from prf.shell.cli.files import open_input
-from prf.shell.cli.jsonout import jsonable
-from prf.shell.cli.storage import damaged, load_arrays, save_arrays, take_array
+from prf.shell.cli.storage import damaged, jsonable, load_arrays, save_arrays, take_array
 from prf.shell.errors import InputError, UsageError
 
 Floats = NDArray[np.float64]

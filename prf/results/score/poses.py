@@ -53,7 +53,7 @@ def marginalise(scored: ScoredMap, beams: HeldOut, rng: np.random.Generator) -> 
         for each in maps:
             start = pooled([one.posterior for one in found]) if found else search_poses(each, beams, rng)
             found.append(integrate_poses(each, beams, start, least, rng))
-            bar.update(len(found))
+            bar(len(found))
     log_density = logsumexp([one.log_value for one in found], axis=0) - np.log(len(maps))
     placed = [at_mean_poses(each, beams, one) for each, one in zip(maps, found, strict=True)]
     if best is None:

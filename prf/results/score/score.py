@@ -13,7 +13,7 @@ from prf.results.score.heldout import CLIP, OUTSIDE, SQUARE, HeldOut, HeldOutSon
 from prf.results.score.maps import ScoredMap, SonarPrediction
 from prf.results.score.poses import marginalise
 from prf.results.score.truth import TrueCells, truth_scores
-from prf.shell.cli.seeds import spawn_generators
+from prf.shell.cli.provenance import spawn_generators
 from prf.shell.errors import ConfigError, InputError
 
 Floats = NDArray[np.float64]

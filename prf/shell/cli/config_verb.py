@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from prf.shell.cli import console, jsonout
+from prf.shell.cli import console, storage
 from prf.shell.cli.settings import Tree, described_text, load, preset_names, preset_text, read_preset, values_of
 
 
@@ -20,7 +20,7 @@ def show(
     loaded = load(tree, file, presets or (), assignments or ())
     if json:
         content = {"settings": values_of(loaded.settings), "set": sorted(loaded.sources.values())}
-        jsonout.emit_object(schema, content)
+        storage.emit_object(schema, content)
     else:
         head = f"Settings of {tree.PACKAGE}, SI units. Keys that are left out have their defaults."
         console.emit(described_text(loaded, head).rstrip())
@@ -32,7 +32,7 @@ def show_presets(tree: type[Tree], schema: str, name: str | None, json: bool) ->
     titles = {each: preset_text(tree, each).partition("\n")[0].removeprefix("# ") for each in chosen}
     if json:
         content = [{"name": each, "title": titles[each], "settings": values} for each, values in chosen.items()]
-        jsonout.emit_object(schema, {"presets": content})
+        storage.emit_object(schema, {"presets": content})
     elif name:
         console.emit(preset_text(tree, name).rstrip())
     else:

@@ -6,9 +6,13 @@ Only objects are used, no pyplot: nothing here is global, and no display is look
 
 from __future__ import annotations
 
+import base64
+import html
+import io
 import math
 import os
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import PurePath
 from typing import IO, TYPE_CHECKING, Any, Protocol
@@ -69,6 +73,8 @@ DPI = 160
 FORMATS = ("png", "svg", "pdf")
 LARGEST_WIDTH = 9.0
 LARGEST_HEIGHT = 7.2  # inches of the drawn window; a page is a little larger
+LARGEST_COPY = 70_000
+"""Bytes of the picture of a card: a notebook keeps every card that it shows."""
 
 
 @dataclass(frozen=True)
@@ -222,3 +228,31 @@ def picture_format(path: str | os.PathLike[str]) -> str:
     if suffix:
         raise UsageError(f"{path}: no picture format .{suffix}. Choose from {', '.join(FORMATS)}.")
     return "png"
+
+
+def card(title: str, facts: Mapping[str, str], png: bytes | None = None) -> str:
+    """Return the HTML of a result for a notebook: a table of facts, and a small copy of a picture if there is one."""
+    rows = "".join(
+        f"<tr><th style='text-align:left'>{html.escape(name)}</th>"
+        f"<td style='text-align:left'>{html.escape(value)}</td></tr>"
+        for name, value in facts.items()
+    )
+    picture = ""
+    if png is not None:
+        data = base64.b64encode(small_copy(png)).decode("ascii")
+        picture = f"<img alt='{html.escape(title)}' style='max-width:100%' src='data:image/png;base64,{data}'>"
+    return f"<div><b>{html.escape(title)}</b><table>{rows}</table>{picture}</div>"
+
+
+def small_copy(png: bytes) -> bytes:
+    """Return a picture in few colours, scaled down until it has at most `LARGEST_COPY`."""
+    from PIL import Image  # matplotlib brings it
+
+    picture = Image.open(io.BytesIO(png)).convert("RGB")
+    picture.thumbnail((960, 960))
+    while True:
+        buffer = io.BytesIO()
+        picture.quantize(32, kmeans=3, dither=Image.Dither.NONE).save(buffer, "png", optimize=True)
+        if buffer.tell() <= LARGEST_COPY:
+            return buffer.getvalue()
+        picture = picture.resize((picture.width * 9 // 10, picture.height * 9 // 10), Image.Resampling.LANCZOS)

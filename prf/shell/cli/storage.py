@@ -1,18 +1,23 @@
-"""Arrays and JSON objects on disk, each with the name and version of its schema."""
+"""Arrays and JSON objects, each with the name and version of its schema: on disk, and JSON on standard output.
+
+Numpy is imported where arrays are, so that what only prints JSON starts without it.
+"""
 
 from __future__ import annotations
 
+import dataclasses
 import json
+import math
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
-
-import numpy as np
-from numpy.typing import DTypeLike, NDArray
+from typing import TYPE_CHECKING, Any
 
 from prf.shell.cli.files import atomic_write, open_input
 from prf.shell.errors import InputError
+
+if TYPE_CHECKING:
+    from numpy.typing import DTypeLike, NDArray
 
 COMPRESSION_LEVEL = 4
 """Of deflate: the first that looks for longer matches. Draws of one chain repeat most of their vertices: those of the
@@ -29,6 +34,8 @@ class OtherVersion(InputError):  # noqa: N818 - reads as what happened
 
 def load_arrays(path: Path, schema: str) -> dict[str, NDArray[Any]]:
     """Return all arrays of the .npz file `path`, whose array ``schema`` must be `schema` (else InputError)."""
+    import numpy as np
+
     try:
         with open_input(path) as stream, np.errstate(all="ignore"), np.load(stream, allow_pickle=False) as stored:
             if not isinstance(stored, np.lib.npyio.NpzFile):
@@ -47,6 +54,8 @@ def load_arrays(path: Path, schema: str) -> dict[str, NDArray[Any]]:
 
 def save_arrays(path: Path, schema: str, arrays: Mapping[str, Any]) -> None:
     """Write a compressed .npz file with its schema, whole or not at all."""
+    import numpy as np
+
     with (
         atomic_write(path, binary=True) as stream,
         zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED, compresslevel=COMPRESSION_LEVEL) as archive,
@@ -92,6 +101,8 @@ def take_array(
     path: Path, arrays: dict[str, NDArray[Any]], name: str, dtype: DTypeLike, shape: tuple[int | None, ...]
 ) -> NDArray[Any]:
     """Return array `name` as C-contiguous `dtype` of `shape` (None: any length), or raise InputError."""
+    import numpy as np
+
     if name not in arrays:
         raise damaged(path, f"array {name} is missing")
     array = arrays[name]
@@ -106,3 +117,47 @@ def take_array(
 def damaged(path: Path | str, what: str) -> InputError:
     """Return the error for content that contradicts itself."""
     return InputError(f"{path}: damaged ({what}). Write it anew, or restore it.")
+
+
+def jsonable(value: Any) -> Any:
+    """Return `value` as plain JSON types: nan and infinities become null, arrays lists, paths text.
+
+    Arrays and scalars of numpy are recognised by their ``tolist``, so that numpy need not be imported.
+    """
+    if value is None or isinstance(value, bool | int | str):
+        return value
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, Path):
+        return str(value)
+    if isinstance(value, Mapping):
+        return {str(key): jsonable(item) for key, item in value.items()}
+    if hasattr(value, "tolist"):
+        return jsonable(value.tolist())
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return {field.name: jsonable(getattr(value, field.name)) for field in dataclasses.fields(value)}
+    if isinstance(value, tuple) and hasattr(value, "_asdict"):
+        return jsonable(value._asdict())
+    if isinstance(value, list | tuple):
+        return [jsonable(item) for item in value]
+    raise TypeError(f"{type(value).__name__} has no form in JSON")
+
+
+def dump_object(schema: str, content: Mapping[str, Any], indent: int | None = None) -> str:
+    """Return one JSON object whose first key is ``"schema"``, e.g. ``prf.info/1``."""
+    return json.dumps(jsonable({"schema": schema, **content}), indent=indent, allow_nan=False, ensure_ascii=False)
+
+
+def emit_object(schema: str, content: Mapping[str, Any]) -> None:
+    """Print one JSON object on standard output, as ``--json`` promises."""
+    print(dump_object(schema, content))
+
+
+def emit_pieces(pieces: Iterable[str]) -> None:
+    """Print the pieces of one JSON object as one line, as :func:`emit_object`; they need not be held at once.
+
+    Line feeds between values are left out; in strings JSON has none.
+    """
+    for piece in pieces:
+        print(piece.replace("\n", ""), end="")
+    print()

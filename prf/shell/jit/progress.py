@@ -14,7 +14,7 @@ from typing import Any
 
 from numba.core import event
 
-from prf.shell.cli.progress import Reporter, progress
+from prf.shell.cli.progress import Report, progress
 
 logger = logging.getLogger(__name__)
 
@@ -31,7 +31,7 @@ class CompileProgress(event.Listener):
         self._cached = cached
         self._open: list[str] = []
         self._shown = ExitStack()
-        self._reporter: Reporter
+        self._reporter: Report
         self._total = 0
 
     def on_start(self, event: Any) -> None:
@@ -54,7 +54,7 @@ class CompileProgress(event.Listener):
             self.done.add(self._open.pop())
             n = len(self.done)
             if self._total:
-                self._reporter.update(min(n, self._total), kernels=f"{n}/{self._total}")
+                self._reporter(min(n, self._total), kernels=f"{n}/{self._total}")
             if not self._open:
                 self._shown.close()
 

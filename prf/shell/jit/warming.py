@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from prf.shell.cli import console, jsonout
+from prf.shell.cli import console, storage
 from prf.shell.cli.run import run_app
 from prf.shell.errors import PrfError, UsageError
 from prf.shell.jit.cache import KernelCache
@@ -75,7 +75,7 @@ def run_job(app: Any, tool: str, job: Job, files: Mapping[str, str]) -> None:
 def report(tool: str, found: Mapping[str, Any], json: bool) -> None:
     """Print what was compiled."""
     if json:
-        jsonout.emit_object(f"{tool}.warm/1", found)
+        storage.emit_object(f"{tool}.warm/1", found)
     else:
         console.emit(f"{found['kernels']} kernels compiled in {found['seconds']:.0f} s")
         console.emit(f"cache  {found['cache']}")

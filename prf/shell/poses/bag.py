@@ -12,8 +12,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from prf.shell.cli.extras import require
-from prf.shell.errors import InputError, system_reason
+from prf.shell.errors import InputError, require, system_reason
 
 if TYPE_CHECKING:
     from rosbags.highlevel import AnyReader

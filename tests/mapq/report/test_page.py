@@ -17,7 +17,7 @@ from mapq.report.findings import read_findings
 from mapq.report.page import N_BINS, histogram, histogram_svg, page_data, write_report
 from mapq.report.scene import build_scene, evenly, outlines
 from mapq.results.judged import read_judged
-from prf.shell.cli.page.markup import script_sources, script_tags
+from prf.shell.cli.page import script_sources, script_tags
 from prf.shell.errors import InputError, UsageError
 from tests.mapq.factories import make_patches, sample_patches, wall
 from tests.mapq.labelled import draw_patches

@@ -14,7 +14,7 @@ from mapq.results.evaluate import area_under_curve, calibration_error, reliabili
 from mapq.results.judged import judge, read_judged
 from mapq.results.regions import find_regions
 from mapq.results.result import assess
-from prf.shell.cli.jsonout import dump_object
+from prf.shell.cli.storage import dump_object
 from prf.shell.errors import InputError, UsageError
 from tests.mapq.factories import Rectangle, make_patches, sample_patches, wall
 from tests.mapq.results.test_result import make_model

@@ -1,18 +1,22 @@
-"""What a result was made from: digests of the inputs, versions of the programs, the machine."""
+"""What repeats a result: seeds, digests of the inputs, versions of the programs, the machine."""
 
 from __future__ import annotations
 
 import hashlib
 import os
 import platform
+import secrets
 import sys
 from collections.abc import Iterable
 from datetime import UTC, datetime
 from importlib import metadata
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from prf import __version__
-from prf.shell.errors import InputError, system_reason
+from prf.shell.errors import InputError, UsageError, system_reason
+
+if TYPE_CHECKING:
+    import numpy as np
 
 _PACKAGES = {"numpy": "numpy", "numba": "numba", "scipy": "scipy"}
 
@@ -50,3 +54,25 @@ def describe_process(inputs: Iterable[str | os.PathLike[str]] = ()) -> dict[str,
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
         "inputs": [describe_input(path) for path in inputs],
     }
+
+
+def resolve_seed(seed: int | None) -> int:
+    """Return `seed`, or draw one from the system's entropy; the caller prints and stores it.
+
+    Drawn seeds have 32 bits: short enough to be read aloud, exact in JSON. UsageError if `seed` is negative.
+    """
+    if seed is None:
+        return secrets.randbits(32)
+    if seed < 0:
+        raise UsageError(f"--seed {seed} is negative. Give an integer >= 0.")
+    return seed
+
+
+def spawn_generators(seed: int, n_generators: int) -> list[np.random.Generator]:
+    """Return `n_generators` independent generators; the i-th depends on `seed` and i alone.
+
+    Children of one ``SeedSequence``: a fifth chain leaves the first four as they were.
+    """
+    import numpy as np
+
+    return [np.random.default_rng(child) for child in np.random.SeedSequence(seed).spawn(n_generators)]

@@ -15,8 +15,9 @@ import pytest
 from PIL import Image
 
 from prf.shell.cli import console
-from prf.shell.cli.jsonout import dump_object, emit_object, emit_pieces
-from prf.shell.cli.notebook import card, reported
+from prf.shell.cli.pictures import card
+from prf.shell.cli.progress import reported
+from prf.shell.cli.storage import dump_object, emit_object, emit_pieces
 
 
 class Window(NamedTuple):
@@ -74,14 +75,14 @@ def test_pieces_of_an_object_become_one_line(capsys):
 def test_a_callable_receives_shares_and_words() -> None:
     calls: list[tuple[float, Mapping[str, object]]] = []
     with reported(lambda share, words: calls.append((share, words)), 4.0, "working") as reporter:
-        reporter.update(1, stage="first")
-        reporter.update(4)
+        reporter(1, stage="first")
+        reporter(4)
     assert calls == [(0.25, {"stage": "first"}), (1.0, {})]
 
 
 def test_no_progress_by_default(capsys: pytest.CaptureFixture[str]) -> None:
     with reported(False, 4.0, "working") as reporter:
-        reporter.update(1, stage="first")
+        reporter(1, stage="first")
     assert capsys.readouterr() == ("", "")
 
 
