@@ -62,10 +62,10 @@ class Scans(Table):
     """How posed scans are read and merged (docs/perturb.md), by segment, classify and perturb."""
 
     quaternion: Literal["xyzw", "wxyz"] | None = key(
-        None, "", "order of quaternions in poses; xyzw unless the file says"
+        None, "", "order of quaternions in poses; xyzw unless the file has it"
     )
     frame: Literal["sensor", "map"] | None = key(
-        None, "", "frame of the points; map: poses only say where the sensor was; sensor unless VIEWPOINT says"
+        None, "", "frame of the points; map: poses give the place of the sensor alone; sensor unless VIEWPOINT decides"
     )
     voxel: float | None = key(None, "m", "one point of a scan is kept in each cube of this side", gt=0)
     min_range: float | None = key(None, "m", "returns closer to the sensor are dropped", gt=0)
