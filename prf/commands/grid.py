@@ -11,7 +11,7 @@ from prf.commands import _options as o
 from prf.shell.cli.options import Assignments, Force, Json, Output
 
 if TYPE_CHECKING:
-    from prf.results.occupancy.build import BuiltGrid
+    from prf.results.occupancy import OccupancyGrid
 
 logger = logging.getLogger(__name__)
 
@@ -72,26 +72,26 @@ def grid(
     inputs = with_poses(logs, loaded.settings)
     claim_output(target, force, inputs=[*inputs, config], suffixes=(".npz",))
     readings = read_configured(loaded.settings, laser, sonar)
-    built = build_grid(*readings, loaded.settings, {**describe_process(inputs), "sources": grid_sources(loaded)})
-    write_grid(target, built.grid)
-    if built.n_outside:
-        logger.warning(f"{built.n_outside} readings dropped: their sensors are outside the window")
-    _report(built, target, json)
+    process = {**describe_process(inputs), "sources": grid_sources(loaded)}
+    made, n_beams, n_outside = build_grid(*readings, loaded.settings, process)
+    write_grid(target, made)
+    if n_outside:
+        logger.warning(f"{n_outside} readings dropped: their sensors are outside the window")
+    _report(made, n_beams, n_outside, target, json)
 
 
-def _report(built: BuiltGrid, target: str, json: bool) -> None:
+def _report(made: OccupancyGrid, n_beams: int, n_outside: int, target: str, json: bool) -> None:
     """Print what came of it."""
     from prf.shell.cli import console, storage
 
-    made = built.grid
     result = {
         "grid": target,
         "method": made.settings["method"],
         "shape": list(made.occupancy.shape),
         "resolution": made.resolution,
         "window": list(made.window),
-        "n_beams": built.n_beams,
-        "n_outside": built.n_outside,
+        "n_beams": n_beams,
+        "n_outside": n_outside,
         "share_seen": made.share_seen,
     }
     if json:
@@ -99,6 +99,6 @@ def _report(built: BuiltGrid, target: str, json: bool) -> None:
         return
     n_rows, n_columns = made.occupancy.shape
     console.summarize(
-        f"Mapped {built.n_beams:,} readings by the method {result['method']}; {made.share_seen:.1%} of the cells seen."
+        f"Mapped {n_beams:,} readings by the method {result['method']}; {made.share_seen:.1%} of the cells seen."
     )
     console.summarize(f"grid  {target}: {n_columns} x {n_rows} cells of {made.resolution:g} m")

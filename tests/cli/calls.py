@@ -26,7 +26,7 @@ from tests.mapq.labelled import draw_patches
 from tests.mapq.perturb.scenes import look, pose_at
 from tests.mapq.results.test_result import make_model
 from tests.readings.samples import flaser
-from tests.results.occupancy.test_build import BEAM, build
+from tests.results.test_occupancy import BEAM, build
 from tests.shell.test_pose_files import rows
 
 

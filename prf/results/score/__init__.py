@@ -3,8 +3,14 @@
 from prf.results.geojson import OccupiedArea, read_occupied_area
 from prf.results.score.heldout import SCORE_DEFAULTS, HeldOut, HeldOutSonar, hold_out, hold_out_sonar
 from prf.results.score.maps import DrawsMap, GridMap, PolygonMap, ScoredMap, open_map
-from prf.results.score.score import LabelledPoints, classification_scores, draw_points, ranking_area, score
-from prf.results.score.truth import TrueCells, true_cells
+from prf.results.score.score import (
+    LabelledPoints,
+    classification_scores,
+    draw_points,
+    ranking_area,
+    score,
+    true_cells,
+)
 
 __all__ = [
     "SCORE_DEFAULTS",
@@ -16,7 +22,6 @@ __all__ = [
     "OccupiedArea",
     "PolygonMap",
     "ScoredMap",
-    "TrueCells",
     "classification_scores",
     "draw_points",
     "hold_out",

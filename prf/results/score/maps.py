@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -45,33 +45,20 @@ class Prediction(NamedTuple):
     share_occupied: float  # share of pairs of a draw and a beam in which the sensor is in occupied space
 
 
-class SonarPrediction(NamedTuple):
-    """What a map predicts of sonar readings."""
+class PolygonalMaps(ABC):
+    """Polygonal maps of equal weight: densities are averaged over them. Without a window `region` is all occupied."""
 
-    # predictive density of each reading in 1/m, for no return its probability, by the name of the way to find it; ""
-    # where there is one way only
-    density: Mapping[str, Floats]
-    share_occupied: float  # share of pairs of a draw and a reading in which the sensor is in occupied space
-
-
-class ScoredMap(ABC):
-    """What a score needs of a map; `kind` is run, grid or map, `window` where it is known (None: everywhere)."""
-
-    kind: str
-    window: Window | None
+    kind: str  # "run" or "map"
+    window: Window | None  # where the maps are known; None: everywhere
     n_draws: int = 1
+    region: BaseGeometry = shapely.MultiPolygon()
 
     @abstractmethod
-    def predict(self, beams: HeldOut) -> Prediction:
-        """Return the prediction for beams whose sensors are inside the window."""
+    def occupied(self, xy: Floats, square: float) -> Floats:
+        """Return the probability that the square of this side round each point (n, 2) is not completely white.
 
-    @abstractmethod
-    def density(self, model: LaserModel, rays: Floats, readings: Floats) -> Floats:
-        """Return the predictive density (n,) of readings as the kernels take them, of rays that begin in the window."""
-
-    @abstractmethod
-    def predict_sonar(self, cones: HeldOutSonar) -> SonarPrediction:
-        """Return the prediction for sonar readings whose sensors are inside the window."""
+        0: the very point; nan for a point outside the window.
+        """
 
     def singles(self, most: int) -> Sequence[ScoredMap]:
         """Return the maps of equal weight one by one, at most so many of them, spread evenly."""
@@ -81,22 +68,9 @@ class ScoredMap(ABC):
         """Return the best map, by which distances are scored; None if there is none yet."""
         return self
 
-    @abstractmethod
-    def occupied(self, xy: Floats, square: float) -> Floats:
-        """Return the probability that the square of this side round each point (n, 2) is not completely white.
-
-        0: the very point, of a GRID its cell; nan for a point outside the window.
-        """
-
     def seen(self, xy: Floats) -> Bools | None:
         """Return which points (n, 2) lie in cells that a reading of the map's own log crossed; None if not known."""
         return np.ones(len(xy), np.bool_)
-
-
-class PolygonalMaps(ScoredMap):
-    """Polygonal maps of equal weight: densities are averaged over them. Without a window `region` is all occupied."""
-
-    region: BaseGeometry = shapely.MultiPolygon()
 
     @abstractmethod
     def _black(self, xy: Floats) -> Bools:
@@ -115,13 +89,14 @@ class PolygonalMaps(ScoredMap):
         """Return the distances (n,) of the best map, as of :class:`Prediction`."""
 
     def predict(self, beams: HeldOut) -> Prediction:
-        """Return the density averaged over maps, and the distances of the best one."""
+        """Return the prediction for beams whose sensors are inside the window: the density averaged over maps."""
         rays, black = beams.rays(self.window), self._black(beams.origin)
         density = self._density(beams.model, rays, beams.readings(rays), black)
-        return Prediction(density, self._best_distance(beams, rays, self._box(beams.model, rays)), float(black.mean()))
+        distance = self._best_distance(beams, rays, self._box(beams.model, rays))
+        return Prediction(density, distance, float(black.mean()))
 
     def density(self, model: LaserModel, rays: Floats, readings: Floats) -> Floats:
-        """Return the density averaged over maps."""
+        """Return the density (n,) of readings as the kernels take them, of rays that begin in the window."""
         return self._density(model, rays, readings, self._black(rays[:, :2]))
 
     def _density(self, model: LaserModel, rays: Floats, readings: Floats, black: Bools) -> Floats:
@@ -133,13 +108,17 @@ class PolygonalMaps(ScoredMap):
     def _box(self, model: LaserModel, rays: Floats) -> Window:
         return self.window or enclosing_window(rays[:, :2], model.max_range, self.region)
 
-    def predict_sonar(self, cones: HeldOutSonar) -> SonarPrediction:
-        """Return the density averaged over maps."""
+    def predict_sonar(self, cones: HeldOutSonar) -> tuple[dict[str, Floats], float]:
+        """Return the density (n,) of each sonar reading, 1/m, averaged over maps, for no return its probability.
+
+        It is by the name of the way to find it, "" being the only one. Beside it the share of pairs of a draw and a
+        reading in which the sensor is in occupied space.
+        """
         model, black = cones.model.to_array(), self._black(cones.origin)
         total = np.zeros(len(cones.pose))
         for scene, occupied in zip(self._scenes(cones), black, strict=True):
             add_sonar_densities(scene, model, cones.pose, occupied, total)
-        return SonarPrediction({"": total / self.n_draws}, float(black.mean()))
+        return {"": total / self.n_draws}, float(black.mean())
 
 
 class DrawsMap(PolygonalMaps):
@@ -233,10 +212,11 @@ class PolygonMap(PolygonalMaps):
         return np.where(known, black.astype(np.float64), np.nan)
 
 
-class GridMap(ScoredMap):
-    """The cells of a GRID."""
+class GridMap:
+    """The cells of a GRID: to scores what :class:`PolygonalMaps` are."""
 
     kind = "grid"
+    n_draws = 1
 
     def __init__(self, grid: OccupancyGrid) -> None:
         self.grid = grid
@@ -259,15 +239,15 @@ class GridMap(ScoredMap):
         grid_beams(self.grid.cells, occupancy, model.to_array(), BIN, rays, readings, density, distance)
         return density, distance
 
-    def predict_sonar(self, cones: HeldOutSonar) -> SonarPrediction:
+    def predict_sonar(self, cones: HeldOutSonar) -> tuple[dict[str, Floats], float]:
         """Return the densities that the contours of the grid give, and that first hits among its cells give."""
-        contours = PolygonMap(OccupiedArea(contours_of(self.grid), self.window)).predict_sonar(cones)
+        contours, share_occupied = PolygonMap(OccupiedArea(contours_of(self.grid), self.window)).predict_sonar(cones)
         first_hit = np.empty(len(cones.pose))
         occupancy, model = self.grid.occupancy.astype(np.float64), cones.model
         # A cell returns the pulse as surely as a wall at no distance, face on.
         stray = 1.0 / (1.0 + math.exp(model.surface_bias))
         grid_cones(self.grid.cells, occupancy, model.to_array(), stray, BIN, cones.pose, first_hit)
-        return SonarPrediction({"contours": contours.density[""], "first_hit": first_hit}, contours.share_occupied)
+        return {"contours": contours[""], "first_hit": first_hit}, share_occupied
 
     def occupied(self, xy: Floats, square: float) -> Floats:
         """Return the probability that not all cells whose centres lie in the square round each point are free."""
@@ -276,6 +256,18 @@ class GridMap(ScoredMap):
     def seen(self, xy: Floats) -> Bools:
         """Return which points lie in cells that a reading hit or missed."""
         return self.grid.image().seen_at(xy)
+
+    def singles(self, most: int) -> Sequence[ScoredMap]:
+        """Return the grid: it is one map."""
+        return [self]
+
+    def best_alone(self) -> ScoredMap:
+        """Return the grid itself."""
+        return self
+
+
+ScoredMap = PolygonalMaps | GridMap
+"""What can be scored."""
 
 
 def contours_of(grid: OccupancyGrid) -> BaseGeometry:

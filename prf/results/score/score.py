@@ -1,4 +1,7 @@
-"""All scores of one map against one held-out log: densities of readings, labelled points, distances."""
+"""All scores of one map: against a held-out log, and cell by cell against a true plan (docs/scores.md).
+
+A log gives densities of readings, labelled points and distances; a plan how much of what was in view is right.
+"""
 
 from __future__ import annotations
 
@@ -6,13 +9,19 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
+from scipy import ndimage
 
-from prf.model.window import LARGEST_RANGE
+from prf.kernels.readings.sonar_features import BORDER, POSE_COS, POSE_SIN
+from prf.model.laser import window_exit
+from prf.model.layout import image_grid, pixel_centres
+from prf.model.window import LARGEST_RANGE, Window
+from prf.results.geojson import OccupiedArea
 from prf.results.score.heldout import CLIP, OUTSIDE, SQUARE, HeldOut, HeldOutSonar
-from prf.results.score.maps import ScoredMap, SonarPrediction
-from prf.results.score.poses import marginalise
-from prf.results.score.truth import TrueCells, truth_scores
+from prf.results.score.maps import ScoredMap
+from prf.results.score.poses import MOST_MAPS, marginalise
+from prf.results.score.scene import first_edges, outline
 from prf.shell.cli.provenance import spawn_generators
 from prf.shell.errors import ConfigError, InputError
 
@@ -24,12 +33,19 @@ FREE_UP_TO = 0.95  # share of a beam on which free points lie
 METRES_PER_FREE_POINT = 2.0
 
 
+class LabelledPoints(NamedTuple):
+    """Points of known state."""
+
+    xy: Floats  # (n, 2) metres
+    occupied: Bools  # (n,)
+
+
 def score(
     scored: ScoredMap,
     held_out: HeldOut | None,
     seed: int | None = None,
     sonar: HeldOutSonar | None = None,
-    cells: TrueCells | None = None,
+    cells: LabelledPoints | None = None,
     square: float = SQUARE,
 ) -> dict[str, Any]:
     """Return every score of a map that the readings and a true plan allow.
@@ -48,7 +64,7 @@ def score(
     if sonar is not None:
         inside = _known(scored, sonar.origin)
         cones = sonar.select(inside)
-        found |= sonar_scores(scored.predict_sonar(cones), cones, int(np.count_nonzero(~inside)))
+        found |= sonar_scores(scored, cones, int(np.count_nonzero(~inside)))
     if cells is not None:
         found |= truth_scores(scored, cells)
     return found
@@ -87,29 +103,31 @@ def _certain_scores(scored: ScoredMap, beams: HeldOut, seed: int, square: float)
 def _marginal_scores(scored: ScoredMap, beams: HeldOut, seed: int, square: float) -> dict[str, Any]:
     """Return the scores of beams whose poses are integrated out; those of points and distances are at mean poses."""
     assert beams.poses is not None
-    found = marginalise(scored, beams, spawn_generators(seed, 2)[1])
-    points = [draw_points(placed, spawn_generators(seed, 1)[0]) for placed in found.placed]  # the same along each beam
-    shares = [one.predict(placed).share_occupied for one, placed in zip(found.maps, found.placed, strict=True)]
+    maps = scored.singles(MOST_MAPS)
+    placed, distance, beam_nll, ess = marginalise(scored, maps, beams, spawn_generators(seed, 2)[1])
+    points = [draw_points(each, spawn_generators(seed, 1)[0]) for each in placed]  # the same along each beam
+    shares = [one.predict(each).share_occupied for one, each in zip(maps, placed, strict=True)]
     probability = np.zeros(len(points[0].occupied))
-    for one, at in zip(found.maps, points, strict=True):
-        probability += np.nan_to_num(one.occupied(at.xy, square), nan=OUTSIDE) / len(found.maps)
+    for one, at in zip(maps, points, strict=True):
+        probability += np.nan_to_num(one.occupied(at.xy, square), nan=OUTSIDE) / len(maps)
     middle = np.mean([at.xy for at in points], axis=0)
     return {
-        "beam_nll": found.beam_nll,
+        "beam_nll": beam_nll,
         **_point_scores(probability, points[0].occupied, scored.seen(middle)),
-        **distance_scores(found.distance, beams),
+        **distance_scores(distance, beams),
         "sensor_occupied": float(np.mean(shares)),
         "n_points": len(probability),
         "pose_noise": beams.poses.noise[1:].tolist(),
-        "pose_draws": len(found.maps),
-        "pose_ess": found.ess,
+        "pose_draws": len(maps),
+        "pose_ess": ess,
     }
 
 
-def sonar_scores(prediction: SonarPrediction, cones: HeldOutSonar, n_outside: int) -> dict[str, Any]:
+def sonar_scores(scored: ScoredMap, cones: HeldOutSonar, n_outside: int) -> dict[str, Any]:
     """Return ``sonar_nll`` (nats) and its companions; the better one where there are several ways."""
+    densities, share_occupied = scored.predict_sonar(cones)
     with np.errstate(divide="ignore"):
-        found = {way: -float(np.log(density).mean()) for way, density in prediction.density.items()}
+        found = {way: -float(np.log(density).mean()) for way, density in densities.items()}
     ways = {f"sonar_nll_{way}": value for way, value in found.items() if way}
     return {
         "n_readings": len(cones.pose),
@@ -117,7 +135,7 @@ def sonar_scores(prediction: SonarPrediction, cones: HeldOutSonar, n_outside: in
         "n_readings_no_return": int(np.count_nonzero(np.isinf(cones.range))),
         "sonar_nll": min(found.values()),
         **ways,
-        "sonar_sensor_occupied": prediction.share_occupied,
+        "sonar_sensor_occupied": share_occupied,
         "sonar_max_range": cones.model.max_range,
     }
 
@@ -158,13 +176,6 @@ def _known(scored: ScoredMap, origin: Floats) -> NDArray[np.bool_]:
     return inside
 
 
-class LabelledPoints(NamedTuple):
-    """Points of known state."""
-
-    xy: Floats  # (n, 2) metres
-    occupied: NDArray[np.bool_]  # (n,)
-
-
 def draw_points(beams: HeldOut, rng: np.random.Generator) -> LabelledPoints:
     """Return one occupied point at each return r, and int(r / 2) free points uniform on [0, 0.95 r] of its beam."""
     n_free = (beams.range / METRES_PER_FREE_POINT).astype(np.int64)
@@ -201,3 +212,108 @@ def ranking_area(values: Floats, positive: NDArray[np.bool_]) -> float:
     middle_rank = np.cumsum(counts) - 0.5 * (counts - 1)
     rank_sum = float(middle_rank[place.reshape(-1)[positive]].sum())
     return (rank_sum - 0.5 * n_positive * (n_positive + 1)) / (n_positive * n_negative)
+
+
+CELL = 0.1  # side of the cells in metres
+WALL_DEPTH = 0.2
+"""Metres from a free cell in view up to which occupied cells count: no reading shows what lies deeper in a wall."""
+SPACING = 0.05  # metres between places along a ray, and between rays of a cone at its maximum range: half a cell
+MAX_CELLS = 25_000_000
+MAX_PLACES = 4_000_000  # rays are followed in batches of about so many places
+
+
+def true_cells(truth: OccupiedArea, beams: HeldOut | None, cones: HeldOutSonar | None) -> LabelledPoints:
+    """Return the cells of a plan that count: those in view of the readings, or all.
+
+    `truth`: without a window, the box round its polygons. `beams`, `cones`: where the sensors stood and looked. A free
+    cell counts if a ray from them through the plan, up to its first wall, the maximum range or the end of the window,
+    passes it; an occupied cell if such a cell lies within 0.2 m. None and None: every cell counts. Cells whose middle
+    lies beyond the window never do.
+    """
+    window = truth.window or _box_round(truth)
+    grid = image_grid(window, CELL)
+    nx, ny = grid.nx, grid.ny
+    if nx * ny > MAX_CELLS:
+        raise InputError(f"the true plan fills {nx} x {ny} cells of {CELL} m, more than {MAX_CELLS}. Is it in metres?")
+    xy = pixel_centres(grid)
+    shapely.prepare(truth.region)
+    occupied = np.asarray(shapely.contains_xy(truth.region, xy), dtype=np.bool_)
+    counts = window.contains(xy, strictly=True)
+    if not counts.any():
+        raise InputError(f"the true plan is {window.width:g} x {window.height:g} m, less than a cell of {CELL} m.")
+    if beams is not None or cones is not None:
+        counts = _in_view(truth, window, counts.reshape(ny, nx), occupied.reshape(ny, nx), _rays(beams, cones))
+    return LabelledPoints(xy[counts], occupied[counts])
+
+
+def truth_scores(scored: ScoredMap, cells: LabelledPoints) -> dict[str, Any]:
+    """Return ``iou_occupied``, ``iou_free`` and their companions; nan where neither has such a cell."""
+    found = scored.occupied(cells.xy, 0.0)
+    p = np.where(np.isnan(found), OUTSIDE, found)
+    clipped = np.clip(p, CLIP, 1.0 - CLIP)
+    return {
+        "n_cells": len(p),
+        "n_cells_occupied": int(np.count_nonzero(cells.occupied)),
+        "iou_occupied": _overlap(p > OUTSIDE, cells.occupied),
+        "iou_free": _overlap(p < OUTSIDE, ~cells.occupied),
+        "cell_brier": float(((p - cells.occupied) ** 2).mean()),
+        "cell_nll": float(-np.log(np.where(cells.occupied, clipped, 1.0 - clipped)).mean()),
+        "cell_unknown": float(np.mean(p == OUTSIDE)),
+    }
+
+
+def _overlap(one: Bools, other: Bools) -> float:
+    """Return intersection over union."""
+    union = np.count_nonzero(one | other)
+    return float(np.count_nonzero(one & other) / union) if union else math.nan
+
+
+def _box_round(truth: OccupiedArea) -> Window:
+    if truth.region.is_empty:
+        raise InputError("the true plan has neither a polygon nor a window. Give it a property window.")
+    return Window(*truth.region.bounds)
+
+
+def _rays(beams: HeldOut | None, cones: HeldOutSonar | None) -> Floats:
+    """Return origins, directions and maximum ranges of all rays, (n, 5); a cone is a fan of rays."""
+    parts = [np.empty((0, 5))]
+    if beams is not None:
+        parts.append(beams.rays(None))
+    if cones is not None:
+        reach, pose = cones.model.max_range, cones.pose
+        half = np.arctan(pose[:, BORDER])
+        n = max(1, math.ceil(2.0 * half.max() * reach / SPACING))
+        axis = np.arctan2(pose[:, POSE_SIN], pose[:, POSE_COS])
+        turn = axis[:, None] + half[:, None] * ((2.0 * np.arange(n) + 1.0) / n - 1.0)
+        fan = np.stack([np.cos(turn), np.sin(turn)], axis=-1).reshape(-1, 2)
+        parts.append(np.column_stack([np.repeat(cones.origin, n, axis=0), fan, np.full(len(fan), reach)]))
+    return np.concatenate(parts)
+
+
+def _in_view(truth: OccupiedArea, window: Window, inside: Bools, occupied: Bools, rays: Floats) -> Bools:
+    """Return which cells `inside` count, (ny nx,): free ones that a ray passes, occupied ones close to these."""
+    is_free = window.contains(rays[:, :2], strictly=True) & ~shapely.contains_xy(truth.region, rays[:, :2])
+    rays = rays[is_free]
+    rays[:, 4] = np.minimum(rays[:, 4], window_exit(window, rays[:, :2], rays[:, 2:4]))
+    segments = outline(truth.region, window)[0]
+    seen = np.zeros(inside.shape, np.bool_)
+    batch = max(1, int(MAX_PLACES * SPACING / max(rays[:, 4].max(initial=0.0), SPACING)))
+    for start in range(0, len(rays), batch):
+        some = np.ascontiguousarray(rays[start : start + batch])
+        _mark_passed(seen, window, some, np.minimum(first_edges(some, segments, window), some[:, 4]))
+    seen &= inside & ~occupied
+    if not seen.any():
+        raise InputError("no free cell of the true plan is in view of the readings. Are both in one frame?")
+    near = ndimage.distance_transform_edt(~seen, sampling=CELL) <= WALL_DEPTH + 1e-9
+    counts: Bools = (seen | (occupied & near)).reshape(-1)
+    return counts
+
+
+def _mark_passed(seen: Bools, window: Window, rays: Floats, length: Floats) -> None:
+    """Mark the cells of places along rays, from the sensor on up to `length` (n,)."""
+    n = np.ceil(length / SPACING).astype(np.int64)
+    ray = np.repeat(np.arange(len(rays)), n)
+    along = (np.arange(len(ray)) - np.repeat(np.cumsum(n) - n, n) + 0.5) * (length / np.maximum(n, 1))[ray]
+    place = rays[ray, :2] + along[:, None] * rays[ray, 2:4]
+    column, row = np.floor((place - np.array(window[:2])) / CELL).astype(np.int64).T
+    seen[np.minimum(row, seen.shape[0] - 1), np.minimum(column, seen.shape[1] - 1)] = True

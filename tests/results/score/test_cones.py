@@ -25,7 +25,7 @@ from tests.reference import slow_sonar
 from tests.reference.slow_score import cone_density
 from tests.reference.slow_sonar import Cone, Feature, Ring, features
 from tests.reference.sonar_worlds import model_of, random_office, ring_all_round
-from tests.results.occupancy.test_build import random_grid
+from tests.results.test_occupancy import random_grid
 
 ROOM = Window(0.0, 0.0, 10.0, 8.0)
 WALL = shapely.box(3.0, 0.0, 3.5, 8.0)
@@ -112,7 +112,7 @@ def test_draws_agree_with_the_slow_twin(view: float) -> None:
         for k, (cone, r) in enumerate(zip(cones, ranges.tolist(), strict=True)):
             seen = [] if black[k] else features(draw, cone, 3.5)
             expected[k] += math.exp(slow_sonar.log_likelihood(Ring(), seen, r)) / len(draws)
-    found = DrawsMap(draws, None).predict_sonar(held(cones, ranges)).density[""]
+    found = DrawsMap(draws, None).predict_sonar(held(cones, ranges))[0][""]
     assert found == pytest.approx(expected, rel=1e-9)
 
 
@@ -122,9 +122,11 @@ def test_a_draw_scores_as_its_map() -> None:
     for coloring in [*exact_draws(0.5, ROOM, 5, rng), random_office(ROOM, 8, 6, rng)]:
         cones = ring_all_round(rng.uniform(ROOM[:2], ROOM[2:], (20, 2)), 4, 0.6, rng)
         readings = held(cones, rng.uniform(0.1, 4.5, len(cones)))
-        one, many = (scored.predict_sonar(readings) for scored in (map_of(coloring), draws_of([coloring, coloring])))
-        assert one.density[""] == pytest.approx(many.density[""], rel=1e-9)
-        assert one.share_occupied == many.share_occupied
+        (one, share), (many, other) = (
+            scored.predict_sonar(readings) for scored in (map_of(coloring), draws_of([coloring, coloring]))
+        )
+        assert one[""] == pytest.approx(many[""], rel=1e-9)
+        assert share == other
 
 
 def test_features_of_many_cones_are_in_order() -> None:
@@ -168,7 +170,7 @@ class TestOutline:
 
     def test_a_map_without_a_window_may_lie_anywhere(self) -> None:
         far = [AHEAD._replace(x=AHEAD.x + 1e3)]
-        found = PolygonMap(OccupiedArea(WALL, None)).predict_sonar(held(far, [1.0])).density[""]
+        found = PolygonMap(OccupiedArea(WALL, None)).predict_sonar(held(far, [1.0]))[0][""]
         assert found == pytest.approx(slow_sonar.density(Ring(), [], np.array([1.0])))
         scene = scene_of_region(shapely.MultiPolygon(), None, np.array([[0.0, 0.0]]), 3.5)
         assert len(scene.edges.segments) == 0
@@ -189,22 +191,22 @@ class TestGrid:
         at = Cone(-0.6, 2.3, 0.5, view)
         some = np.array([0.005, 0.05, 0.4, 1.7, 3.0])
         expected, silent = cone_density(sparse, at, ring, some)
-        found = GridMap(sparse).predict_sonar(held([at] * 6, [*some, math.inf], ring)).density["first_hit"]
+        found = GridMap(sparse).predict_sonar(held([at] * 6, [*some, math.inf], ring))[0]["first_hit"]
         np.testing.assert_allclose(found, [*expected, silent], rtol=1e-8)
         r = np.linspace(0.0, ring.max, 40_001)[:-1] + 0.5 * ring.max / 40_000
-        dense = GridMap(sparse).predict_sonar(held([at] * len(r), r, ring)).density["first_hit"]
+        dense = GridMap(sparse).predict_sonar(held([at] * len(r), r, ring))[0]["first_hit"]
         assert dense.mean() * ring.max + silent == pytest.approx(1.0, abs=1e-6)
 
     def test_one_wall(self) -> None:
         """A wall of certain cells across the view, all else free: both ways give nearly what the wall itself gives."""
         occupancy = np.full((80, 100), 0.001)
         occupancy[:, 30:35] = 0.999
-        prediction = GridMap(grid_of(occupancy)).predict_sonar(held([AHEAD] * 2, [2.02, math.inf]))
+        density, share_occupied = GridMap(grid_of(occupancy)).predict_sonar(held([AHEAD] * 2, [2.02, math.inf]))
         wall = [Feature(2.0, math.pi / 2, VIEW, False)]
         expected = slow_sonar.density(Ring(), wall, np.array([2.02]))[0]
-        assert prediction.density["contours"][0] == pytest.approx(expected, rel=1e-3)
-        assert 0.5 * expected < prediction.density["first_hit"][0] < expected
-        assert prediction.share_occupied == 0.0
+        assert density["contours"][0] == pytest.approx(expected, rel=1e-3)
+        assert 0.5 * expected < density["first_hit"][0] < expected
+        assert share_occupied == 0.0
 
     def test_the_better_way_is_the_score_and_both_are_reported(self) -> None:
         occupancy = np.full((80, 100), 0.02)

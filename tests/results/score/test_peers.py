@@ -50,7 +50,7 @@ def points_of_the_figures(beams: HeldOut) -> tuple[np.ndarray, np.ndarray]:
 def test_figures_of_the_intel_lab(
     intel: Readings, options: dict[str, Any], beam_nll: float, auc: float, nll: float, brier: float
 ) -> None:
-    grid = build_grid(intel, None, grid_settings(max_range=40.0, **options)).grid
+    grid = build_grid(intel, None, grid_settings(max_range=40.0, **options))[0]
     beams = hold_out(intel, score_settings(max_range=40.0, scans="5::10"))
     xy, occupied = points_of_the_figures(beams)
     found = classification_scores(occupied_probability(grid, xy), occupied)

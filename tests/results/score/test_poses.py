@@ -51,7 +51,7 @@ def held(readings: Readings, noise: tuple[float, float] | None = NOISE) -> HeldO
 
 
 def grid_of(readings: Readings) -> OccupancyGrid:
-    return build_grid(readings, None, grid_settings(max_range=12.0, window=WINDOW)).grid
+    return build_grid(readings, None, grid_settings(max_range=12.0, window=WINDOW))[0]
 
 
 def lattice(half: float, step: float) -> tuple[Floats, float]:

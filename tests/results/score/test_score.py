@@ -37,7 +37,7 @@ from prf.shell.errors import ConfigError, InputError
 from tests.factories import WINDOW, random_draws, score_settings
 from tests.reference.beams import impacts
 from tests.reference.slow_score import grid_density, pair_count_area
-from tests.results.occupancy.test_build import random_grid
+from tests.results.test_occupancy import random_grid
 
 ROOM = Window(0.0, 0.0, 10.0, 10.0)
 WALL = shapely.box(7.0, 2.0, 7.5, 8.0)

@@ -29,7 +29,7 @@ from prf.results.score import (
     score,
     true_cells,
 )
-from prf.results.score.importance import Floats, Ints, integrate, pooled
+from prf.results.score.poses import Floats, Ints, integrate, pooled
 from prf.shell.errors import InputError
 from tests.factories import WINDOW, random_draws, score_settings
 

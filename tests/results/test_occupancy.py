@@ -33,7 +33,7 @@ BEAM = Readings.from_arrays([0.25, 0.25], [0.0], [2.0])
 
 
 def build(laser: Readings | None = None, sonar: Readings | None = None, **options: object) -> OccupancyGrid:
-    return build_grid(laser, sonar, grid_settings(**{"window": ROOM, "max_range": 10.0, **options})).grid
+    return build_grid(laser, sonar, grid_settings(**{"window": ROOM, "max_range": 10.0, **options}))[0]
 
 
 def random_grid(seed: int, shape: tuple[int, int] = (8, 10)) -> OccupancyGrid:
@@ -137,8 +137,8 @@ def test_beams_without_return_are_left_out_by_default() -> None:
 
 def test_sensors_outside_the_window_are_dropped_and_counted() -> None:
     readings = Readings.from_arrays([[1.0, 1.0], [-1.0, 1.0]], [0.0, 0.0], [1.0, 3.0])
-    built = build_grid(readings, None, grid_settings(window=ROOM, max_range=10.0))
-    assert (built.n_beams, built.n_outside, int(built.grid.hits.sum())) == (1, 1, 1)
+    grid, n_beams, n_outside = build_grid(readings, None, grid_settings(window=ROOM, max_range=10.0))
+    assert (n_beams, n_outside, int(grid.hits.sum())) == (1, 1, 1)
 
 
 def test_laser_and_sonar_share_cells() -> None:
@@ -149,7 +149,7 @@ def test_laser_and_sonar_share_cells() -> None:
 
 
 def test_the_default_window_holds_sensors_and_returns() -> None:
-    grid = build_grid(random_readings(1, 100, 7.0), None, grid_settings()).grid
+    grid = build_grid(random_readings(1, 100, 7.0), None, grid_settings())[0]
     assert grid.window.x_min < 0.0
     assert grid.settings["max_range"] == pytest.approx(0.97 * random_readings(1, 100, 7.0).largest_range)
 
