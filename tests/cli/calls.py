@@ -163,6 +163,7 @@ TEXTS = {
         }
     ),
     "set.toml": "[prior]\nscale = 0.2\n[sonar]\nmax_range = 3.0\n",
+    "bad.toml": "[sonar]\nnose = 0\n",
     "mapq.toml": "[segment]\nneighbours = 12\n",
 }
 

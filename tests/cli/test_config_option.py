@@ -124,38 +124,3 @@ def test_anneal_takes_the_file(ring: Path, site: Path, tmp_path: Path, monkeypat
     monkeypatch.chdir(tmp_path)
     assert prf("anneal", "--sonar", ring, "--config", site, *QUICK) == 0
     assert json.loads((tmp_path / "ring.geojson").read_text())["properties"]["window"] == [0, 0, 10, 10]
-
-
-@pytest.mark.parametrize("verb", ["sample", "anneal", "grid"])
-@pytest.mark.parametrize(
-    ("args", "code", "words"),
-    [
-        (["--config", "absent.toml"], 3, "absent.toml: no such file"),
-        (["--config", "bad.toml"], 2, "bad.toml: [sonar] nose: there is no such key. Did you mean noise?"),
-        (["--config", "-", "--laser", "-"], 2, "standard input can be read once only"),
-        (["--topic", "/scan"], 2, "--topic /scan"),
-        (["--set", "readings.sonar_topic=/scan"], 2, "is a table"),
-        (["--frame", "odom"], 2, "is a table"),
-        (["--window", "0", "0", "-1", "1"], 2, "window"),
-    ],
-)
-def test_bad_input_ends_in_one_line(
-    verb: str,
-    args: list[str],
-    code: int,
-    words: str,
-    ring: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    work = tmp_path / "work"
-    work.mkdir()
-    monkeypatch.chdir(work)
-    (tmp_path / "bad.toml").write_text("[sonar]\nnose = 0\n")
-    given = [str(tmp_path / arg) if arg == "bad.toml" else arg for arg in args]
-    assert prf(verb, "--sonar", ring, *given) == code
-    error = capsys.readouterr().err.strip().splitlines()
-    assert len(error) == 1
-    assert words in error[0]
-    assert list(work.iterdir()) == []

@@ -10,7 +10,6 @@ import urllib.request
 from pathlib import Path
 
 import numpy as np
-import pytest
 
 from mapq.io import read_patches, write_patches
 from mapq.io.journal import Event, Journal, journal_beside
@@ -38,32 +37,6 @@ def test_labels_by_hand_are_kept_unless_forced(capsys, tmp_path):
     assert (result["schema"], result["n_kept"], result["n_suspicious"]) == ("mapq.label/1", 1, 17)
     assert "set by hand     1, kept" in call(capsys, "label", path, "--from-field", "truth")[1]
     assert call_json(capsys, "label", path, "--from-field", "truth", "-f")["n_suspicious"] == 16
-
-
-@pytest.mark.parametrize(("field", "message"), [("wrong", "no point field wrong"), ("intensity", "neither 0 nor 1")])
-def test_a_field_that_is_no_label_changes_nothing(capsys, tmp_path, field, message):
-    path = save_patches(tmp_path)
-    before = path.read_bytes()
-    code, out, err = call(capsys, "label", path, "--from-field", field)
-    assert (code, out, err.count("\n")) == (3, "", 1)
-    assert message in err
-    assert str(path) in err
-    assert path.read_bytes() == before
-
-
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        (["--conservative"], "--from-field"),
-        (["--from-field", "truth", "--model", "m.json"], "--model, --port and --no-browser are for the page"),
-        (["--from-field", "truth", "--no-browser"], "--model, --port and --no-browser are for the page"),
-        (["--force"], "--from-field"),
-    ],
-)
-def test_options_that_exclude_each_other_are_one_line(capsys, tmp_path, options, words):
-    code, out, err = call(capsys, "label", save_patches(tmp_path), *options)
-    assert (code, out, err.count("\n")) == (2, "", 1)
-    assert words in err
 
 
 def test_labels_of_a_journal_are_kept_by_a_field_and_used_in_training(capsys, tmp_path):

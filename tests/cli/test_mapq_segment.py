@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import json
-import os
 from pathlib import Path
 
 import numpy as np
@@ -101,7 +100,3 @@ def test_real_clouds(capsys, shared_data, tmp_path, name, columns, fewest):
     assert code == 0
     assert report["patches"] >= fewest
     assert report["warnings"] == []
-
-
-def _with_sources() -> dict[str, str]:
-    return {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}

@@ -12,6 +12,19 @@ LASER, SONAR = "--laser laser.log", "--sonar sonar.csv"
 FIT = "prf calibrate --map room.geojson"
 SIMULATE = "prf simulate -o out"
 CLASSIFY = "mapq classify walls.patches --model model.json"
+SAMPLE = f"prf sample {LASER} -o out"
+LOWEST = "sampler.lowest_inverse_temperature"
+PERTURB = "mapq perturb scans -o out.ply"
+SETTINGS = (
+    ("--config absent.toml", 3, "absent.toml: no such file"),
+    ("--config bad.toml", 2, "bad.toml: [sonar] nose: there is no such key. Did you mean noise?"),
+    ("--config - --laser -", 2, "standard input can be read once only"),
+    ("--topic /scan", 2, "--topic /scan"),
+    ("--set readings.sonar_topic=/scan", 2, "is a table"),
+    ("--frame odom", 2, "is a table"),
+    ("--window 0 0 -1 1", 2, "window"),
+)
+"""Without an output, in which a verb would name one itself."""
 CASES = (
     ("prf anneal", 2, "--laser"),
     ("prf anneal laser.log", 2, "--laser"),
@@ -89,6 +102,88 @@ CASES = (
     ("mapq train walls.patches -o out.json --set features.radius=-1", 2, "radius"),
     ("mapq train walls.patches --json -o -", 2, "both want standard output"),
     ("mapq train bare.patches -o out.json", 3, "mapq label"),
+    (f"{SAMPLE} --window 3 0 1 1", 2, "window"),
+    (f"{SAMPLE} --window 100 100 110 110", 3, "no sensor stands inside"),
+    (f"{SAMPLE} --scale -1", 2, "scale"),
+    (f"{SAMPLE} --noise 0", 2, "noise"),
+    (f"{SAMPLE} --outlier-probability 0", 2, "outlier-probability"),
+    (f"{SAMPLE} --miss-probability 1.5", 2, "miss-probability"),
+    (f"{SAMPLE} --max-range nan", 2, "max-range"),
+    (f"{SAMPLE} --max-range -3", 2, "max-range"),
+    (f"{SAMPLE} --resolution 1e-9", 2, "--resolution"),
+    (f"{SAMPLE} --steps 10 --time-budget 1", 2, "one of them"),
+    (f"{SAMPLE} --steps 10 my.log", 2, "(my.log). Did you mean --laser my.log?"),
+    (f"{SAMPLE} --time-budget 1d", 2, "5m, 1.5h or 1h30m"),
+    (f"{SAMPLE} --scans a:b", 2, "--scans"),
+    (f"{SAMPLE} --every-scan 1 --scans 900:901", 3, ""),
+    (f"{SAMPLE} --set sampler.start=moon", 2, '--set sampler.start = "moon": must be'),
+    (f"{SAMPLE} --set {LOWEST}=1", 2, f"--set {LOWEST} = 1"),
+    (f"{SAMPLE} --set sampler.temperatures=3 --set sampler.tiles=4", 2, "--set sampler.tiles 4"),
+    (f"{SAMPLE} --set sampler.temperatures=auto --set sampler.tiles=4", 2, "--set sampler.tiles 4"),
+    (f"{SAMPLE} --set sampler.temperatures=0", 2, "--set sampler.temperatures 0"),
+    (f"{SAMPLE} --set sampler.temperature=3", 2, "there is no such key. Did you mean temperatures?"),
+    *(
+        (f"prf {verb} {LASER} -o out --set thinning.beam_density={density}", 2, "beam_density")
+        for verb in ("sample", "anneal")
+        for density in ("-1", "nan")
+    ),
+    *(
+        (f"prf {verb} {SONAR} {line}", code, words)
+        for verb in ("sample", "anneal", "grid")
+        for line, code, words in SETTINGS
+    ),
+    ("prf simulate -o out --no-laser --sonar --set simulate.beams=90", 2, "there is --no-laser"),
+    ("mapq simulate -o out --size city --drift 0", 2, "drift is not for --size city"),
+    ("mapq simulate -o out --size city --n-points 1000", 2, "--n-points 1000"),
+    ("mapq simulate -o - --size city", 2, "a city is a folder of tiles"),
+    ("mapq classify cloud.ply --workers 0", 2, "--workers 0"),
+    ("mapq classify cloud.ply --tile-points 9", 2, "--tile-points 9"),
+    ("mapq classify cloud.ply --workers 2 --scheduler tcp://x:1", 2, "exclude one another"),
+    ("mapq classify cloud.ply --workers 2 -o -", 2, "two files"),
+    ("mapq classify walls.patches --workers 2 -o out.ply", 2, "segmented already"),
+    ("mapq label bare.patches --conservative", 2, "--from-field"),
+    ("mapq label bare.patches --force", 2, "--from-field"),
+    (
+        "mapq label bare.patches --from-field truth --model m.json",
+        2,
+        "--model, --port and --no-browser are for the page",
+    ),
+    ("mapq label bare.patches --from-field truth --no-browser", 2, "--model, --port and --no-browser are for the page"),
+    ("mapq label walls.patches --from-field wrong", 3, "walls.patches: no point field wrong"),
+    ("mapq label walls.patches --from-field intensity", 3, "neither 0 nor 1"),
+    ("prf export grid.npz --format geojson -o out", 3, "a grid has no polygons"),
+    ("prf export grid.npz --format netcdf -o out", 3, "a grid has no chains"),
+    ("prf export grid.npz --format ros-map --draw 0 -o out.yaml", 3, "a grid has no draws"),
+    ("prf export grid.npz --format ros-map --squares -o out.yaml", 2, "a GRID has cells of"),
+    ("prf export grid.npz --format ros-map --resolution 1 -o out.yaml", 2, "a GRID has cells of"),
+    ("prf export room.geojson --format netcdf -o out", 3, "one map has no chains"),
+    ("prf export room.geojson --format svg --draw 0 -o out", 3, "one map has no draws"),
+    ("prf export room.geojson --format tum -o out", 3, "one map has no trajectory"),
+    ("prf export run --format tum -o out", 3, "its poses were not sampled"),
+    ("prf render grid.npz -o out.png --what best", 2, "GRID"),
+    ("prf render grid.npz grid.npz -o out.png", 2, "GRID"),
+    ("mapq perturb scans", 2, "-o"),
+    ("mapq perturb scans -o -", 2, "-o MAP.ply"),
+    ("mapq perturb scans -o out.json", 2, "-o"),
+    ("mapq perturb scans -o out.pcd", 2, "out.pcd"),
+    (f"{PERTURB} --offset -1", 2, "--offset"),
+    (f"{PERTURB} --drift 1 nan", 2, "--drift"),
+    (f"{PERTURB} --set scans.voxel=-1", 2, "voxel"),
+    (f"{PERTURB} --set simulate.variety=4", 2, "variety"),
+    (f"{PERTURB} --set scans.min_range=3 --set scans.max_range=2", 2, "min_range"),
+    (f"{PERTURB} --set perturb.plausible_below=1", 2, "plausible_below"),
+    (f"{PERTURB} --set scans.quaternion=abcd", 2, "quaternion"),
+    ("mapq perturb scans/0.ply scans/1.ply -o out.ply --scans *.ply", 2, "--scans"),
+    (f"{PERTURB} --yaw 1 --set scans.max_range=0.5", 3, "no point is left"),
+    (f"{PERTURB} --poses no.txt", 3, "no.txt"),
+    (f"{PERTURB} --reference no.txt", 3, "no.txt"),
+    (f"{PERTURB} --scans b*", 3, "--scans"),
+    (f"{PERTURB} --calibration calib.txt", 3, "calib.txt: no such file"),
+    ("mapq perturb no-folder -o out.ply", 3, "no-folder"),
+    ("mapq perturb scans scans -o out.ply", 3, "this is a folder"),
+    ("mapq perturb scans -o no/such/map.ply", 4, "no/such"),
+    ("mapq perturb scans/0.ply --poses scans/poses.txt -o scans/0.ply -f", 2, "is an input"),
+    ("mapq perturb scans -o scans/0.ply -f", 2, "is an input"),
 )
 
 

@@ -238,46 +238,6 @@ def test_few_draws_are_no_disagreement(
     assert ("rounded" in printed) == (steps == 2_000)
 
 
-@pytest.mark.parametrize(
-    ("args", "code", "words"),
-    [
-        (["--window", "3", "0", "1", "1"], 2, "window"),
-        (["--window", "100", "100", "110", "110"], 3, "no sensor stands inside"),
-        (["--scale", "-1"], 2, "scale"),
-        (["--noise", "0"], 2, "noise"),
-        (["--outlier-probability", "0"], 2, "outlier-probability"),
-        (["--miss-probability", "1.5"], 2, "miss-probability"),
-        (["--max-range", "nan"], 2, "max-range"),
-        (["--max-range", "-3"], 2, "max-range"),
-        (["--resolution", "1e-9"], 2, "--resolution"),
-        (["--steps", "10", "--time-budget", "1"], 2, "one of them"),
-        (["--steps", "10", "my.log"], 2, "(my.log). Did you mean --laser my.log?"),
-        (["--time-budget", "1d"], 2, "5m, 1.5h or 1h30m"),
-        (["--scans", "a:b"], 2, "--scans"),
-        (["--set", "sampler.start=moon"], 2, '--set sampler.start = "moon": must be'),
-        (["--set", f"{LOWEST}=1"], 2, f"--set {LOWEST} = 1"),
-        (["--set", "sampler.temperatures=3", "--set", "sampler.tiles=4"], 2, "--set sampler.tiles 4"),
-        (["--set", "sampler.temperatures=auto", "--set", "sampler.tiles=4"], 2, "--set sampler.tiles 4"),
-        (["--set", "sampler.temperatures=0"], 2, "--set sampler.temperatures 0"),
-        (
-            ["--set", "sampler.temperature=3"],
-            2,
-            "--set sampler.temperature: there is no such key. Did you mean temperatures?",
-        ),
-        (["--every-scan", "1", "--scans", "900:901"], 3, ""),
-    ],
-)
-def test_bad_options_end_in_one_line(
-    log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], args: list[str], code: int, words: str
-) -> None:
-    assert run("--laser", str(log), "-o", str(tmp_path / "run"), *args) == code
-    error = capsys.readouterr().err.strip().splitlines()
-    assert len(error) == 1
-    assert error[0].startswith("error: ")
-    assert words in error[0]
-    assert not (tmp_path / "run").exists()
-
-
 def test_sensors_outside_the_window_are_dropped_and_counted(
     log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

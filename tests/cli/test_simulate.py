@@ -69,8 +69,3 @@ def test_json_and_the_seed_that_was_drawn(tmp_path: Path, capsys: pytest.Capture
     assert (first["output"], first["world"], first["n_scans"], first["n_beams"]) == (str(folder), "arak", 20, 720)
     assert run(*options, "--seed", str(first["seed"]), "-f") == 0
     assert json.loads(capsys.readouterr().out) == first
-
-
-def test_a_setting_of_a_sensor_that_is_absent_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run("--no-laser", "--sonar", "--set", "simulate.beams=90", "-o", str(tmp_path / "run")) == 2
-    assert "there is --no-laser" in capsys.readouterr().err

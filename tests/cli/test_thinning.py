@@ -100,23 +100,6 @@ def test_annealing_thins_too(log: Path, tmp_path: Path, capsys: pytest.CaptureFi
     assert json.loads(capsys.readouterr().out)["n_beams"] == ALL
 
 
-@pytest.mark.parametrize(
-    ("flags", "words"),
-    [
-        (("--set", "thinning.beam_density=-1"), "beam_density"),
-        (("--set", "thinning.beam_density=nan"), "beam_density"),
-    ],
-)
-@pytest.mark.parametrize("verb", ["sample", "anneal"])
-def test_densities_that_make_no_sense_are_refused(
-    log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], verb: str, flags: tuple[str, ...], words: str
-) -> None:
-    assert prf(verb, "--laser", log, *flags, "-o", tmp_path / "out") == 2
-    error = capsys.readouterr().err.strip().splitlines()
-    assert len(error) == 1
-    assert words in error[0]
-
-
 def test_a_dense_public_log_keeps_the_density(shared_data: Path) -> None:
     from prf.configuration import Configuration
     from prf.readings import read_readings
