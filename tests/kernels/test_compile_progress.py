@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import logging
-import sys
-from types import ModuleType
+from pathlib import Path
 from typing import Any
 
 import numba
@@ -12,8 +11,8 @@ import numpy as np
 import pytest
 from numba.core import codegen, event
 
+from prf.shell.jit.cache import KernelCache
 from prf.shell.jit.parts import part_options, share_integers
-from prf.shell.jit.progress import CompileProgress
 
 FLAGS: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 SOURCE = """
@@ -58,15 +57,15 @@ def test_a_numba_without_the_hooks_compiles_the_plain_way(monkeypatch: pytest.Mo
 
 
 def test_kernels_are_counted_while_they_are_compiled(
-    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     entry, _ = make_kernels(part_options())
-    caller = ModuleType("toy.caller")
-    vars(caller)["entry"] = entry
-    monkeypatch.setitem(sys.modules, "toy.caller", caller)
-    counted = CompileProgress("toy", set)
-    with event.install_listener("numba:compile", counted), caplog.at_level(logging.INFO):
+    monkeypatch.setenv("TOY_CACHE_DIR", str(tmp_path))
+    cache = KernelCache("toy", tmp_path, {})
+    with caplog.at_level(logging.INFO):
         entry(*ARGUMENTS)
         entry(*ARGUMENTS)
-    assert len(counted.done) == 3
-    assert caplog.messages == ["compiling 3 kernels, once (toy warm does it ahead) ..."]
+    unregister: Any = event.unregister
+    unregister("numba:compile", cache)
+    assert len(cache.compiled) == 3
+    assert caplog.messages == ["compiling kernels, once (toy warm does it ahead) ..."]

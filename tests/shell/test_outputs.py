@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import subprocess
 import sys
@@ -43,6 +44,20 @@ def test_second_process_is_refused_and_a_killed_one_forgotten(run: Path, project
         holder.wait()
         with exclusive(run):
             assert (run.parent / ".run.lock").exists()
+
+
+def test_a_file_system_without_locks_is_written_with_a_warning(
+    run: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    def refuse(descriptor: int, operation: int) -> None:
+        raise OSError(errno.ENOLCK, "No locks available")
+
+    others = run.parent / ".run.abcd1234.tmp"
+    others.touch()
+    monkeypatch.setattr("fcntl.flock", refuse)
+    with exclusive(run):
+        assert caplog.messages == [f"{run}: cannot be locked here (no locks available). Let no other process write it."]
+    assert list(run.parent.iterdir()) == [others], "another process may still be writing it"
 
 
 def test_a_lock_file_that_its_holder_removed_meanwhile_is_made_anew(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:

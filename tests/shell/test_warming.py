@@ -17,7 +17,7 @@ def test_a_job_runs_once_and_leaves_nothing(tmp_path: Path, monkeypatch: pytest.
     CACHE.folder.mkdir()
     first = call("prf warm --for points", tmp_path)
     assert (first.code, first.err, list(tmp_path.iterdir())) == (0, "compiling what points needs ...\n", [CACHE.folder])
-    assert [path.name for path in CACHE.folder.iterdir()] == ["points.warm"]
+    assert [path.name for path in CACHE.folder.glob("*.warm")] == ["points.warm"]
     second = call("prf warm --for points --json", tmp_path)
     assert (second.code, second.err, json.loads(second.out)["cache"]) == (0, "", str(CACHE.folder))
     assert console.settings.verbosity == 0

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import atexit
+import errno
 import fcntl
+import logging
 import os
 import re
 from collections.abc import Collection, Iterable, Iterator
@@ -11,7 +13,9 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 from prf.shell.cli.files import STREAM, is_device, mark_temporary, remove_temporary, write_errors
-from prf.shell.errors import OutputError, OutputExists, UsageError
+from prf.shell.errors import OutputError, OutputExists, UsageError, system_reason
+
+logger = logging.getLogger(__name__)
 
 FORMATS = (
     *(".3d", ".asc", ".bin", ".e57", ".las", ".laz", ".pcd", ".ply", ".pts", ".ptx", ".vtk", ".xyz"),
@@ -20,6 +24,9 @@ FORMATS = (
     *(".bag", ".csv", ".db3", ".mcap", ".txt", ".gz", ".npy", ".npz", ".toml", ".yaml", ".yml", ".zip"),
 )
 """Suffixes that name a format. A suffix that is not among them, such as .json, may be that of any output."""
+
+_HELD = (errno.EACCES, errno.EAGAIN)
+"""What the system answers where another process holds a lock; other errors are of file systems without locks."""
 
 _claims = ExitStack()
 _claimed: set[Path] = set()
@@ -75,7 +82,6 @@ def exclusive(*paths: str | os.PathLike[str]) -> Iterator[None]:
         for target in targets:
             if not is_device(target):
                 held.enter_context(_locked(target))
-                remove_leftovers(target)
         yield
 
 
@@ -84,28 +90,34 @@ def _locked(target: Path) -> Iterator[None]:
     lock = target.with_name(f".{target.name}.lock")
     descriptor = _lock(lock, target)
     # Whoever opened the file before its last holder removed it has locked a file that is no longer there.
-    while not _is_current(descriptor, lock):
+    while descriptor is not None and not _is_current(descriptor, lock):
         os.close(descriptor)
         descriptor = _lock(lock, target)
     mark_temporary(str(lock))
     try:
+        if descriptor is not None:
+            remove_leftovers(target)
         yield
     finally:
         remove_temporary(str(lock))
-        os.close(descriptor)
+        if descriptor is not None:
+            os.close(descriptor)
 
 
-def _lock(lock: Path, target: Path) -> int:
-    """Return the descriptor of the lock file of `target`, open and locked."""
+def _lock(lock: Path, target: Path) -> int | None:
+    """Return the descriptor of the lock file of `target`, open and locked; None where the file system has no locks."""
     with write_errors(target):
         lock.parent.mkdir(parents=True, exist_ok=True)
         descriptor = os.open(lock, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
+    except OSError as error:
         os.close(descriptor)
-        message = f"{target}: another process is writing it. Wait for it, or choose another output."
-        raise OutputError(message) from None
+        if error.errno in _HELD:
+            message = f"{target}: another process is writing it. Wait for it, or choose another output."
+            raise OutputError(message) from None
+        logger.warning(f"{target}: cannot be locked here ({system_reason(error)}). Let no other process write it.")
+        return None
     return descriptor
 
 

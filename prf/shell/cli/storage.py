@@ -133,7 +133,9 @@ def jsonable(value: Any) -> Any:
     if isinstance(value, Mapping):
         return {str(key): jsonable(item) for key, item in value.items()}
     if hasattr(value, "tolist"):
-        return jsonable(value.tolist())
+        plain = value.tolist()
+        is_finite = value.dtype.kind in "biu" or (value.dtype.kind == "f" and bool((abs(value) < math.inf).all()))
+        return plain if is_finite else jsonable(plain)
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         return {field.name: jsonable(getattr(value, field.name)) for field in dataclasses.fields(value)}
     if isinstance(value, tuple) and hasattr(value, "_asdict"):

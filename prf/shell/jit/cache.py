@@ -1,4 +1,4 @@
-"""A cache folder for machine code that can never serve stale code.
+"""A cache folder for machine code that can never serve stale code, and what is shown while it is filled.
 
 Numba's own cache looks at the file of the function it compiles, not at the functions that it calls: an edit in a
 callee leaves callers running old code. The folder name therefore carries a digest of every kernel source, of the
@@ -9,7 +9,10 @@ packages take their folder from here; of the shell only what they take imports n
 from __future__ import annotations
 
 import atexit
+import gc
 import hashlib
+import logging
+import multiprocessing
 import os
 import platform
 import re
@@ -19,7 +22,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +31,7 @@ import numba
 import numpy as np
 from numba.core import event
 
-from prf.shell.jit.progress import CompileProgress
+from prf.shell.cli.progress import Report, progress, report_nothing
 
 KEPT_DIGESTS = 8
 """Caches of this many source states survive: enough to go back and forth between branches without compiling."""
@@ -37,17 +40,28 @@ PRUNE_AGE = 3600.0
 """Seconds without use before a surplus cache is removed: a running process may still be writing a younger one."""
 
 
-class KernelCache:
+COLLECTED_AFTER = 100_000
+"""Objects between two searches for garbage while numba compiles, which makes many that live: a tenth of its time."""
+
+logger = logging.getLogger(__name__)
+
+
+class KernelCache(event.Listener):
     """The cache folder of one package of kernels, for its `sources` and the `flags` of the compiler.
 
-    `tool` names the folder, and the variable that overrides it: ``prf`` gives ``PRF_CACHE_DIR``.
+    `tool` names the folder, and the variable that overrides it: ``prf`` gives ``PRF_CACHE_DIR``. It also listens to
+    numba, reports how many functions of ``<tool>.kernels`` this process has compiled, and shows it while it lasts.
     """
 
     def __init__(self, tool: str, sources: Path, flags: Mapping[str, Any]) -> None:
         self.folder = cache_folder(tool, source_digest(sources, flags))
-        self.progress = CompileProgress(tool, self.compiled)
+        self.compiled: set[str] = set()
+        self._tool = tool
+        self._open: list[str] = []
+        self._shown = ExitStack()
+        self._report: Report = report_nothing
         register: Any = event.register
-        register("numba:compile", self.progress)
+        register("numba:compile", self)
 
     @contextmanager
     def own(self) -> Iterator[None]:
@@ -60,9 +74,35 @@ class KernelCache:
         finally:
             config.CACHE_DIR = before
 
-    def compiled(self) -> set[str]:
-        """Return the kernels (``file.function``) whose machine code the cache holds for these sources."""
-        return {path.name.partition("-")[0] for path in self.folder.rglob("*.nbi")}
+    def on_start(self, event: Any) -> None:
+        """Show the count while a kernel that Python calls is compiled, with all that it calls."""
+        name = self._name(event)
+        if not name:
+            return
+        self._open.append(name)
+        if len(self._open) == 1 and multiprocessing.parent_process() is None:
+            if not self.compiled:
+                logger.info(f"compiling kernels, once ({self._tool} warm does it ahead) ...")
+            self._shown.callback(gc.set_threshold, *gc.get_threshold())
+            gc.set_threshold(COLLECTED_AFTER)
+            self._report = self._shown.enter_context(progress(None, "compiling"))
+
+    def on_end(self, event: Any) -> None:
+        """Count it."""
+        if self._name(event):
+            self.compiled.add(self._open.pop())
+            n = len(self.compiled)
+            self._report(n, kernels=n)
+            if not self._open:
+                self._shown.close()
+                self._report = report_nothing
+
+    def _name(self, event: Any) -> str:
+        """Return the full name of the function that an event is about, empty if it is not of these kernels."""
+        function = event.data["dispatcher"].py_func
+        if not function.__module__.startswith(f"{self._tool}.kernels."):
+            return ""
+        return f"{function.__module__}.{function.__qualname__}"
 
 
 def source_digest(folder: Path, flags: Mapping[str, Any]) -> str:

@@ -44,7 +44,7 @@ def warm(
             run_job(app, tool, jobs[name], files)
             stamp.touch()
     return {
-        "kernels": len(cache.progress.done),
+        "kernels": len(cache.compiled),
         "seconds": round(time.monotonic() - start, 1),
         "cache": str(cache.folder),
     }
