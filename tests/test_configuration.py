@@ -68,7 +68,7 @@ def test_options_of_a_verb_are_found_by_name() -> None:
     found = load_configuration(options)
     assert (found.settings.laser.noise, found.settings.sampler.resolution, found.settings.points.sigma) == (0.1, 0.5, 2)
     assert found.sources["sampler.resolution"] == "--resolution"
-    with pytest.raises(UsageError, match=r"^--set points\.sigma: \not read here\. Set a key of grid\."):
+    with pytest.raises(UsageError, match=r"^--set points\.sigma: not read here\. Set a key of grid\."):
         load_configuration(options, tables=("grid",))
     assert load_configuration({"resolution": 0.5}, tables=("grid",)).settings.grid.resolution == 0.5
 
