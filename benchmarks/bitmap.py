@@ -28,7 +28,8 @@ from shapely.geometry.base import BaseGeometry
 
 from benchmarks import panels
 from prf.model.coloring import Coloring
-from prf.model.points import PointModel, window_round
+from prf.model.points import window_round
+from prf.model.sensors import PointModel
 from prf.model.window import Window
 from prf.results import PosteriorImage
 from prf.sampler import Sampler
@@ -93,7 +94,8 @@ def by_ising(noisy: Bits, coupling: float, diagonal: bool) -> Bits:
 
 def by_maps(noisy: Bits, seed: int, scale: float, steps: int, threads: int) -> tuple[PosteriorImage, Coloring, float]:
     """Return the mean of the posterior over polygonal maps, its best draw, and the worst R-hat."""
-    data = PointData.from_arrays(centres(), noisy.ravel().astype(float), PointModel("binary", flip_probability=FLIPS))
+    model = PointModel(kind="binary", flip_probability=FLIPS)
+    data = PointData.from_arrays(centres(), noisy.ravel().astype(float), model)
     settings = Settings(window_round(data.table.xy), scale, points=data, resolution=1.0)
     with Sampler(settings, spawn_generators(seed, CHAINS), threads) as sampler:
         while sampler.step < steps:

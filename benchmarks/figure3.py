@@ -24,7 +24,8 @@ from prf.kernels.readings.cones import READING
 from prf.kernels.readings.sonar_features import BEARING, CORNER, DEPTH, KIND, PROJECTION, SUBTENDED
 from prf.kernels.score.sonar import Scene, add_sonar_densities
 from prf.model.coloring import Coloring, from_polygons
-from prf.model.sonar import Returns, SonarModel, make_poses, return_probabilities
+from prf.model.sensors import SonarModel
+from prf.model.sonar import Returns, make_poses, return_probabilities, sonar_array
 from prf.model.window import Window
 from prf.output.pictures.posterior import fill_map
 from prf.results.score.scene import features_seen, scene_of_coloring
@@ -70,7 +71,7 @@ def density(sight: Sight, readings: np.ndarray) -> np.ndarray:
     pose = np.repeat(sight.pose, len(readings), axis=0)
     pose[:, READING] = readings
     total = np.zeros(len(readings))
-    add_sonar_densities(sight.scene, sight.model.to_array(), pose, np.zeros(len(readings), np.bool_), total)
+    add_sonar_densities(sight.scene, sonar_array(sight.model), pose, np.zeros(len(readings), np.bool_), total)
     return total
 
 

@@ -30,8 +30,8 @@ from numpy.typing import NDArray
 
 from benchmarks import panels
 from prf.model.coloring import Draws, black_at_draws
-from prf.model.laser import LaserModel
 from prf.model.layout import image_grid, pixel_centres
+from prf.model.sensors import LaserModel
 from prf.model.window import Window
 from prf.output.pictures.posterior import draw_beams, draw_impacts
 from prf.readings import Readings
@@ -102,7 +102,7 @@ def both_passes() -> LaserData:
         np.concatenate([origin, origin * [-1.0, 1.0]]),
         np.concatenate([angle, np.pi - angle]),
         np.concatenate([reading, reading]),
-        LaserModel(SCANNER.max_range),
+        LaserModel(max_range=SCANNER.max_range),
     )
 
 
@@ -218,7 +218,7 @@ def draw(plain: Result, tempered: Result, target: Path) -> None:
     """Draw the beams, the occupancy of two plain chains, most left and most right, and of a tempered chain."""
     data = posterior().laser
     assert data is not None
-    beams = data.readings.within(data.model.max_range)
+    beams = data.readings.within(data.model.limit)
     left, temperatures = plain.summary["left"], tempered.summary["temperatures"]
     shown = (int(np.argmax(left)), int(np.argmin(left)))
     panels.save_page(

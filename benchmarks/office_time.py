@@ -39,7 +39,7 @@ Floats = NDArray[np.float64]
 
 def beam_points(laser: LaserData) -> Floats:
     """Return points (n, 2) along every beam, from its sensor to its return or its maximum range, metres."""
-    reach = np.minimum(laser.readings.range, laser.model.max_range)
+    reach = np.minimum(laser.readings.range, laser.model.limit)
     along = np.concatenate([np.arange(0.0, length, BETWEEN) for length in reach])
     beam = np.repeat(np.arange(len(reach)), [len(np.arange(0.0, length, BETWEEN)) for length in reach])
     direction = np.stack([np.cos(laser.readings.angle), np.sin(laser.readings.angle)], axis=1)

@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 from benchmarks import commands
 from benchmarks.commands import made, say
 from benchmarks.drives import CASES, JUDGING, REAL, TUNING, Case, Drive, Floats, disturbed, simulated
-from prf.configuration import load_configuration
+from prf.configuration import Configuration
 from prf.poses.model import pose_model
 from prf.poses.plane import wrapped
 from prf.poses.start import find_trajectory
@@ -47,7 +47,7 @@ HEADS = ("metres", "radians", "ate", "rpe", "seconds", "steps")
 def matched(drive: Drive, case: Case) -> tuple[NDArray[np.int64], Floats, Floats, float]:
     """Return scans, their given poses, the poses at which they agree, and the seconds that it took to find these."""
     poses = None if drive.poses is None else str(drive.poses)
-    config = load_configuration({**case._asdict(), "poses": poses, "every_scan": drive.every_scan}).settings
+    config = Configuration.of(**case._asdict(), poses=poses, every_scan=drive.every_scan)
     whole = read_configured(config, str(drive.log), None)[0]
     assert whole is not None
     laser = thin(whole, **config.readings.selection()).within(default_max_range(whole))

@@ -11,10 +11,9 @@ __version__ = "0.1.0"
 
 if TYPE_CHECKING:
     from prf.api.sampling import resume, sample
-    from prf.api.science import Prior, read_readings
-    from prf.model.laser import LaserModel
-    from prf.model.points import PointModel
-    from prf.model.sonar import SonarModel
+    from prf.api.science import read_readings
+    from prf.configuration import Prior
+    from prf.model.sensors import LaserModel, PointModel, SonarModel
     from prf.output.run import Run, read_run
     from prf.readings import PointTable, Readings
     from prf.readings.arrays import laser, points, sonar
@@ -42,14 +41,13 @@ __all__ = [
 
 _HOMES = {
     "prf.api.sampling": ("resume", "sample"),
-    "prf.api.science": ("Prior", "read_readings"),
+    "prf.api.science": ("read_readings",),
+    "prf.configuration": ("Prior",),
     "prf.output.run": ("Run", "read_run"),
     "prf.readings": ("PointTable", "Readings"),
     "prf.readings.arrays": ("laser", "points", "sonar"),
     "prf.sampler.session": ("Session",),
-    "prf.model.laser": ("LaserModel",),
-    "prf.model.points": ("PointModel",),
-    "prf.model.sonar": ("SonarModel",),
+    "prf.model.sensors": ("LaserModel", "PointModel", "SonarModel"),
     "prf.shell.errors": ("PrfError",),
 }
 """Module to the names that it lends to this package; a test holds them to what type checkers see above."""

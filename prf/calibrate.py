@@ -7,7 +7,6 @@ then keeps its default, with a standard error that shows it.
 
 from __future__ import annotations
 
-import dataclasses
 import logging
 import math
 import os
@@ -22,8 +21,9 @@ from scipy import optimize, special
 
 from prf.configuration import Configuration
 from prf.kernels.readings.sonar_features import CORNER, DEPTH, KIND, PROJECTION, SUBTENDED
-from prf.model.laser import LaserModel, unit_vectors, window_exit
-from prf.model.sonar import SonarModel, make_poses
+from prf.model.laser import unit_vectors, window_exit
+from prf.model.sensors import LaserModel, SonarModel
+from prf.model.sonar import make_poses
 from prf.readings import Readings, thin
 from prf.readings.describe import default_max_range
 from prf.readings.robot import fields_of_view
@@ -107,7 +107,7 @@ class Calibrated(NamedTuple):
 
 def calibrate_sonar(readings: Readings, area: OccupiedArea, config: Configuration) -> Calibrated:
     """Return the sonar's parameters that explain the readings of a whole log in a known map best."""
-    model = SonarModel(config.sonar.max_range)
+    model = SonarModel(max_range=config.sonar.max_range)
     used, counts = _usable(readings, area, config)
     view = fields_of_view(used, config.sonar.cone)
     cones = HeldOutSonar(make_poses(model, used.origin, used.angle, view, used.range), model)
@@ -117,7 +117,7 @@ def calibrate_sonar(readings: Readings, area: OccupiedArea, config: Configuratio
     there = np.arange(max(1, int(count.max(initial=0)))) < count[:, None]
     rows = np.zeros((*there.shape, feature.shape[1]))
     rows[there] = feature
-    default = {name: value for name, value in dataclasses.asdict(model).items() if name != "max_range"}
+    default = model.model_dump(exclude={"max_range", "cone"})
     family = Family(default, ("uniform_probability", "short_probability"))
     density = sonar_density(cones.range, rows, there, model.max_range)
     blind = sonar_density(cones.range, rows, np.zeros_like(there), model.max_range)
@@ -131,7 +131,7 @@ def calibrate_laser(readings: Readings, area: OccupiedArea, config: Configuratio
     max_range = default_max_range(readings) if config.laser.max_range is None else config.laser.max_range
     if not math.isfinite(max_range):
         raise InputError(f"{readings.source}: no reading has a finite range. Give --max-range.")
-    default = {name: value for name, value in dataclasses.asdict(LaserModel(max_range)).items() if name != "max_range"}
+    default = LaserModel().model_dump(exclude={"max_range"})
     used, counts = _usable(readings, area, config)
     direction, reach = unit_vectors(used.angle), np.full(used.n_beams, max_range)
     if area.window is not None:

@@ -2,35 +2,34 @@
 
 from __future__ import annotations
 
-import dataclasses
 from pathlib import Path
 
 import numpy as np
 
-from prf.configuration import Configuration, load_configuration
+from prf.configuration import IN_MANIFEST, SCORE_DEFAULTS, Configuration
 from prf.model.arak import exact_draws
 from prf.model.coloring import Draws, feature_lines
-from prf.model.sonar import SonarModel
+from prf.model.sensors import SonarModel
 from prf.model.window import Window
 from prf.output.run import Run
 from prf.poses.posterior import Trajectory
 from prf.readings import Readings
 from prf.results import PosteriorImage
 from prf.results.estimate import occupied_probability
-from prf.results.score import SCORE_DEFAULTS
+from prf.shell.cli.settings import load_options
 
 WINDOW = Window(-10.0, -5.0, 30.0, 20.0)
 
 
 def score_settings(sonar: SonarModel | None = None, **options: object) -> Configuration:
     """Return the configuration of a score with these values, by the names that manifests have."""
-    model = {} if sonar is None else {f"sonar_{name}": value for name, value in dataclasses.asdict(sonar).items()}
-    return load_configuration({**model, **options}, SCORE_DEFAULTS).settings
+    model = {} if sonar is None else {f"sonar_{name}": value for name, value in dict(sonar).items()}
+    return load_options(Configuration, {**model, **options}, IN_MANIFEST, SCORE_DEFAULTS).settings
 
 
 def grid_settings(**options: object) -> Configuration:
     """Return the configuration of a grid with these values, by the names that its file has."""
-    return load_configuration(options, tables=("prior", "laser", "sonar", "readings", "grid")).settings
+    return load_options(Configuration, options, ("prior", "laser", "sonar", "readings", "grid")).settings
 
 
 def write_draws(path: Path | str, draws: Draws) -> None:

@@ -25,7 +25,8 @@ from prf.calibrate import (
 )
 from prf.configuration import Configuration
 from prf.model.coloring import black_at
-from prf.model.sonar import SonarModel, make_poses
+from prf.model.sensors import SonarModel
+from prf.model.sonar import make_poses
 from prf.model.window import Window
 from prf.output.export.cells import Cells
 from prf.output.export.ros_map import ros_map

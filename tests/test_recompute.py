@@ -20,8 +20,8 @@ from prf.kernels.state.grid import make_grid
 from prf.kernels.step import run
 from prf.model.arak import exact_draws
 from prf.model.coloring import Coloring, black_at
-from prf.model.laser import LaserModel
 from prf.model.layout import grow, make_targets, read_coloring
+from prf.model.sensors import LaserModel
 from prf.model.window import Window
 from prf.readings.ground import STRAIGHT
 from prf.sampler.posterior import LaserData, Settings, SonarData, make_chain, one_colour_map, return_points

@@ -9,20 +9,18 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import MappingProxyType
-from typing import Literal, TypeVar
+from typing import Literal
 
 from prf.api.science import (
     Given,
-    Prior,
     Sensor,
     by_kind,
-    config_of,
-    loaded_of,
     paths_of,
     prepared_for,
-    sources_in,
+    requested_by,
+    settled,
 )
-from prf.configuration import Configuration, Start, without_way
+from prf.configuration import Configuration, Prior, Start, named_sources
 from prf.output.run import Run
 from prf.results.convergence import verdict
 from prf.results.write import is_unfinished
@@ -38,12 +36,9 @@ from prf.shell.errors import ArgumentError
 
 logger = logging.getLogger(__name__)
 
-MOST_TILES = 1024
 NOTHING_REQUESTED = Loaded(Configuration(), {})
 
 OnInterrupt = Literal["return", "raise"]
-Number = TypeVar("Number", int | None, int | str | None)
-
 
 Watch = Callable[[Session], None]
 
@@ -131,9 +126,9 @@ def sample(
     Raises
     ------
     ArgumentError
-        If an argument cannot be used; it is a ValueError too.
+        If an argument cannot be used, by its name; it is a ValueError too.
     ConfigError
-        If a parameter is out of its range.
+        If a settings file cannot be used.
     InputError
         If a log cannot be read, or no reading is left.
     OutputError
@@ -141,30 +136,26 @@ def sample(
     """
     rule = _rule(steps, seconds)
     options = {
-        "chains": _at_least("chains", chains, 1),
+        "chains": chains,
         "beam_density": beam_density,
         "driven_radius": driven_radius,
         "pose_noise": pose_noise,
         "odometry": odometry,
         "resolution": resolution,
         "start": start,
-        "temperatures": _at_least("temperatures", temperatures, 1),
+        "temperatures": temperatures,
         "lowest_inverse_temperature": lowest_inverse_temperature,
-        "tiles": _tiles(tiles),
+        "tiles": tiles,
     }
     sources = by_kind(readings, sensors)
-    requested = loaded_of(config)
-    asked = requested.sources if driven_radius is None else ("driven.radius",)
-    science = without_way(config_of(requested.settings, prior, sensors, options), asked)
+    loaded = settled(requested_by(config), prior, sensors, options)
     folder = None if output is None else Path(output)
     with _held(folder, force):
         used_seed = resolve_seed(seed)
-        prepared = prepared_for(sources, science)
+        prepared = prepared_for(sources, loaded.settings)
         prepared.announce()
-        places = sources_in(science, requested)
-        session = Session.start(
-            with_poses(paths_of(sources), science), prepared, folder, used_seed, _threads(threads), places
-        )
+        files = with_poses(paths_of(sources), loaded.settings)
+        session = Session.start(files, prepared, folder, used_seed, _threads(threads), named_sources(loaded))
         return _run(session, rule, progress, watch, on_interrupt)
 
 
@@ -262,19 +253,9 @@ def _rule(steps: int | None, seconds: float | None) -> StopRule:
         raise ArgumentError("steps and seconds: give one of them.")
     if seconds is not None and not seconds >= 0.0:
         raise ArgumentError(f"seconds {seconds}: must not be negative.")
-    return StopRule(_at_least("steps", steps, 1), seconds)
-
-
-def _at_least(name: str, value: Number, least: int) -> Number:
-    if isinstance(value, int) and value < least:
-        raise ArgumentError(f"{name} {value}: must be at least {least}.")
-    return value
-
-
-def _tiles(tiles: int | None) -> int | None:
-    if tiles is not None and tiles != 0 and not 2 <= tiles <= MOST_TILES:
-        raise ArgumentError(f"tiles {tiles}: give 0 for none, or a number from 2 to {MOST_TILES}.")
-    return tiles
+    if steps is not None and steps < 1:
+        raise ArgumentError(f"steps {steps}: must be at least 1.")
+    return StopRule(steps, seconds)
 
 
 def _threads(threads: int) -> int:

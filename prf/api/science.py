@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import os
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
@@ -10,14 +9,12 @@ from typing import Any, Literal
 
 import numpy as np
 
-from prf.configuration import IN_MANIFEST, Configuration, flat_name, load_configuration
-from prf.model.laser import LaserModel
-from prf.model.points import PointModel
-from prf.model.sonar import SonarModel
-from prf.readings import CONE, Kind, PointTable, Readings, read_point_data, read_poses
+from prf.configuration import IN_MANIFEST, Configuration, Prior, ReadingOptions
+from prf.model.sensors import CONE, LaserModel, PointModel, SonarModel
+from prf.readings import Kind, PointTable, Readings, read_point_data
 from prf.readings import read_readings as read_log
-from prf.sampler.prepare import Prepared, prepare_whole, read_configured
-from prf.shell.cli.settings import Loaded
+from prf.sampler.prepare import Prepared, given_poses, prepare_whole, read_configured
+from prf.shell.cli.settings import Loaded, load
 from prf.shell.errors import ArgumentError
 
 Sensor = LaserModel | SonarModel | PointModel
@@ -28,26 +25,8 @@ ReadingKind = Literal["laser", "sonar", "points"]
 KINDS: tuple[ReadingKind, ...] = ("laser", "sonar", "points")
 Given = Source | Sequence[Source] | Mapping[ReadingKind, Source]
 
-PREFIXES: Mapping[type, tuple[ReadingKind, str]] = MappingProxyType(
-    {LaserModel: ("laser", ""), SonarModel: ("sonar", "sonar_"), PointModel: ("points", "points_")}
-)
-"""What a sensor's readings are called, and the prefix of its parameters in manifests."""
-
-
-@dataclasses.dataclass(frozen=True)
-class Prior:
-    """The Arak process over maps.
-
-    Attributes
-    ----------
-    scale : float
-        Scale parameter p, 1/m: the expected length of edges is pi p a square metre.
-    window : sequence of 4 floats or None
-        x_min, y_min, x_max, y_max in metres; None: all sensors and 99.5 % of the returns, and a metre round them.
-    """
-
-    scale: float = Configuration().prior.scale
-    window: Sequence[float] | None = None
+TABLES: Mapping[type, ReadingKind] = MappingProxyType({LaserModel: "laser", SonarModel: "sonar", PointModel: "points"})
+"""Kind of a sensor's readings, which is the name of its table too."""
 
 
 def read_readings(
@@ -80,39 +59,36 @@ def read_readings(
     ConfigError
         If `topic` or `frame` is needed and missing, or is not in the log.
     """
-    trajectory = None if poses is None else read_poses(os.fspath(poses))
+    trajectory = given_poses(ReadingOptions(poses=None if poses is None else os.fspath(poses)))
     return read_log(os.fspath(path), kind, topic=topic, frame=frame, cone=cone, poses=trajectory)
 
 
-def loaded_of(config: Path | Configuration | Loaded[Configuration] | None) -> Loaded[Configuration]:
+def requested_by(config: Path | Configuration | Loaded[Configuration] | None) -> Loaded[Configuration]:
     """Return a configuration with its sources; nothing in particular has set the values of one without."""
     if isinstance(config, Configuration):
         return Loaded(config, {})
-    return config if isinstance(config, Loaded) else load_configuration({"config": config})
+    return config if isinstance(config, Loaded) else load(Configuration, config, read=IN_MANIFEST)
 
 
-def sources_in(config: Configuration, requested: Loaded[Configuration]) -> dict[str, str]:
-    """Return what has set which value, by the names of manifests, of those that `config` has requested."""
-    kept = [place for place in requested.sources if config.get(place) == requested.settings.get(place)]
-    return {flat_name(place): requested.sources[place] for place in kept if place.partition(".")[0] in IN_MANIFEST}
-
-
-def config_of(
-    requested: Configuration,
+def settled(
+    requested: Loaded[Configuration],
     prior: Prior | None,
     sensors: Sensor | Sequence[Sensor],
     options: Mapping[str, Any],
-) -> Configuration:
-    """Return the configuration: options, prior and sensors over what a settings file asks for, over defaults."""
-    changes = {name: value for name, value in options.items() if value is not None}
-    if prior is not None:
-        changes |= {"scale": prior.scale, "window": _window(prior.window)}
+) -> Loaded[Configuration]:
+    """Return the configuration: options, prior and sensors over what is requested, with the sources that still hold."""
+    tables: dict[str, Any] = {} if prior is None else {"prior": prior}
     for sensor in _listed(sensors):
-        if type(sensor) not in PREFIXES:
-            raise ArgumentError(f"sensors: a {type(sensor).__name__} is none of {_names_of_sensors()}.")
-        prefix = PREFIXES[type(sensor)][1]
-        changes |= {prefix + name: value for name, value in dataclasses.asdict(sensor).items()}
-    return requested.replace(**changes)
+        if type(sensor) not in TABLES:
+            names = ", ".join(kind.__name__ for kind in TABLES)
+            raise ArgumentError(f"sensors: a {type(sensor).__name__} is none of {names}.")
+        tables[TABLES[type(sensor)]] = sensor
+    changes = {name: value for name, value in options.items() if value is not None}
+    found = requested.settings.model_copy(update=tables).replace(**changes)
+    kept = {
+        place: each for place, each in requested.sources.items() if found.get(place) == requested.settings.get(place)
+    }
+    return Loaded(found, kept)
 
 
 def by_kind(given: Given, sensors: Sensor | Sequence[Sensor] = ()) -> dict[ReadingKind, Source]:
@@ -137,7 +113,7 @@ def by_kind(given: Given, sensors: Sensor | Sequence[Sensor] = ()) -> dict[Readi
             raise ArgumentError(f"readings: {kind} is given twice. Join them to one.")
         found[kind] = _checked_source(kind, source)
     for sensor in _listed(sensors):
-        kind = PREFIXES.get(type(sensor), ("laser", ""))[0]
+        kind = TABLES.get(type(sensor), "laser")
         if kind not in found:
             raise ArgumentError(f"sensors: there is a {type(sensor).__name__}, but no readings of the {kind}.")
     if not found:
@@ -194,16 +170,3 @@ def _listed(given: Any) -> list[Any]:
     if isinstance(given, Sequence) and not isinstance(given, str | PointTable | np.ndarray):
         return list(given)
     return [given]
-
-
-def _window(window: Sequence[float] | None) -> tuple[float, ...] | None:
-    if window is None:
-        return None
-    bounds = tuple(map(float, window))
-    if len(bounds) != 4:
-        raise ArgumentError(f"window: has {len(bounds)} numbers, must have 4: x_min, y_min, x_max, y_max.")
-    return bounds
-
-
-def _names_of_sensors() -> str:
-    return ", ".join(kind.__name__ for kind in PREFIXES)

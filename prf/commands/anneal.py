@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import logging
-from typing import TYPE_CHECKING, Annotated, Any
-
-import typer
+from typing import TYPE_CHECKING, Any
 
 from prf.commands import _options as o
-from prf.shell.cli.options import Assignments, Force, Json, Output, Presets, Seed, Threads, parse_duration
+from prf.configuration import Configuration, named_sources
+from prf.shell.cli.flags import with_settings
+from prf.shell.cli.options import Force, Json, Output, Seed, Threads
+from prf.shell.cli.settings import Loaded
 
 if TYPE_CHECKING:
     from prf.sampler.anneal import Annealed
+    from prf.sampler.driver import StopRule
 
 logger = logging.getLogger(__name__)
 
@@ -21,46 +23,26 @@ EXAMPLES = (
     "prf anneal --sonar ring.csv --config site.toml --time-budget 60",
 )
 
+READ = (
+    *("prior", "laser", "sonar", "points", "thinning", "readings", "driven"),
+    *("sampler.chains", "sampler.start", "anneal"),
+)
+"""What annealing reads of the settings: its chains have neither tiles nor a ladder, and poses as they are given."""
 DEFAULT_STEPS = 3_000_000
 FAR_APART = 10.0
 """Nats between the two best chains above which the search was too short, or hard: one would do what the other did."""
 
 
+@with_settings(Configuration, *READ)
 def anneal(
+    *,
     laser: o.Laser = None,
     sonar: o.Sonar = None,
     point_data: o.PointData = None,
-    topic: o.Topic = None,
-    frame: o.Frame = None,
-    poses: o.Poses = None,
     output: Output = None,
-    config: o.Config = None,
-    preset: Presets = None,
-    assignments: Assignments = None,
-    scale: o.Scale = None,
-    window: o.WindowOption = None,
-    max_range: o.MaxRange = None,
-    every_scan: o.EveryScan = None,
-    every_beam: o.EveryBeam = None,
-    scans: o.Scans = None,
-    skip_scans: o.SkipScans = None,
-    driven_radius: o.DrivenRadius = None,
-    driven_poses: o.DrivenPoses = None,
-    chains: Annotated[
-        int | None, typer.Option("--chains", metavar="N", min=1, help="Chains; the best of all counts.  [4]")
-    ] = None,
-    steps: Annotated[
-        int | None,
-        typer.Option(
-            "--steps", metavar="N", min=1, help="Steps a chain; up to whole rounds of 10,000 or more.  [3,000,000]"
-        ),
-    ] = None,
-    time_budget: Annotated[
-        float | None,
-        typer.Option(
-            "--time-budget", metavar="TIME", parser=parse_duration, help="Instead of steps; seconds, or 90s, 5m, 1h30m."
-        ),
-    ] = None,
+    settings: Loaded[Configuration],
+    steps: o.Steps = None,
+    time_budget: o.TimeBudget = None,
     seed: Seed = None,
     threads: Threads = 0,
     force: Force = False,
@@ -72,11 +54,6 @@ def anneal(
     is written, its occupied area as a GeoJSON MultiPolygon. What is maximised is the density over the lines of the map,
     |E| log p - 2 p length + log likelihood. Ctrl-C writes the best map so far.
     """
-    options = locals()
-
-    from prf.api.science import sources_in
-    from prf.configuration import IN_MANIFEST, load_configuration
-    from prf.sampler.anneal import Schedule
     from prf.sampler.driver import StopRule
     from prf.sampler.prepare import with_poses
     from prf.sampler.session import default_output
@@ -89,28 +66,25 @@ def anneal(
         raise UsageError("Nothing to map: give --laser LOG, --sonar LOG or --point-data FILE.csv.")
     if steps is not None and time_budget is not None:
         raise UsageError("--steps and --time-budget: give one of them.")
-    o.refuse_shared_stream(
-        {"--laser": laser, "--sonar": sonar, "--point-data": point_data, "--poses": poses, "--config": config}
-    )
-    loaded = load_configuration(options, tables=(*(set(IN_MANIFEST) - {"trajectory"}), "anneal"))
-    science = loaded.settings.replace(pose_noise=None, odometry=None, odometry_noise=None)
+    config = settings.settings
+    streams = {"--laser": laser, "--sonar": sonar, "--point-data": point_data}
+    o.refuse_shared_stream({**streams, "--poses": config.readings.poses, "--config": settings.file})
     target = output or str(default_output(logs[0]).with_suffix(".geojson"))
-    logs = with_poses(logs, science)
-    claim_output(target, force, inputs=[*logs, config], suffixes=(".geojson",), json=json)
+    logs = with_poses(logs, config)
+    claim_output(target, force, inputs=[*logs, settings.file], suffixes=(".geojson",), json=json)
     used_seed = resolve_seed(seed)
     rule = StopRule(None if time_budget is not None else steps or DEFAULT_STEPS, time_budget)
     inputs = (laser, sonar, point_data)
-    found, made, stop = _cool(inputs, science, rule, Schedule(coldest=science.anneal.coldest), used_seed, threads)
-    text = _write(target, found, {**made, "sources": sources_in(science, loaded)}, logs)
+    found, made, stop = _cool(inputs, config, rule, used_seed, threads)
+    text = _write(target, found, {**made, "sources": named_sources(settings)}, logs)
     _report(found, text, target, made, json)
     stop.raise_if_requested(f"interrupted after {found.steps} steps; {target} has the best map so far")
 
 
 def _cool(
     inputs: tuple[str | None, str | None, str | None],
-    config: Any,
-    rule: Any,
-    schedule: Any,
+    config: Configuration,
+    rule: StopRule,
     seed: int,
     threads: int,
 ) -> tuple[Annealed, dict[str, Any], Any]:
@@ -134,18 +108,17 @@ def _cool(
             prepared.settings,
             spawn_generators(seed, config.sampler.chains),
             rule,
-            schedule,
+            config.anneal,
             threads or len(os.sched_getaffinity(0)),
             starts_from=prepared.config.sampler.start or "empty",
             on_progress=lambda now: reporter(now.share, T=f"{now.temperature:.2g}", best=f"{now.score:,.1f}"),
             stop_requested=lambda: stop.requested,
         )
-    configuration = {name: value for name, value in prepared.config.flat().items() if name != "resolution"}
     made = {
         "score": found.score,
         "steps": found.steps,
         "seed": seed,
-        "configuration": configuration,
+        "configuration": prepared.config.flat(READ),
         "n_beams": n_beams,
         "n_beams_thinned": prepared.n_beams_thinned,
     }

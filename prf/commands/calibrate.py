@@ -7,7 +7,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from prf.commands import _options as o
-from prf.shell.cli.options import Assignments, Force, Json, Output
+from prf.configuration import Configuration
+from prf.shell.cli.flags import with_settings
+from prf.shell.cli.options import Force, Json, Output
+from prf.shell.cli.settings import Loaded
 
 if TYPE_CHECKING:
     from prf.calibrate import Calibrated
@@ -19,19 +22,16 @@ EXAMPLES = (
 )
 
 
+@with_settings(Configuration, "laser.max_range", "sonar.max_range", "sonar.cone", "readings")
 def calibrate(
+    *,
     known: Annotated[
         str, typer.Option("--map", metavar="MAP", help="True map: GeoJSON polygons, or the .yaml of a map for ROS.")
     ],
     sonar: o.Sonar = None,
     laser: o.Laser = None,
-    poses: o.Poses = None,
     output: Output = None,
-    every_scan: o.EveryScan = None,
-    scans: o.Scans = None,
-    skip_scans: o.SkipScans = None,
-    config: o.Config = None,
-    assignments: Assignments = None,
+    settings: Loaded[Configuration],
     force: Force = False,
     json: Json = False,
 ) -> None:
@@ -41,10 +41,7 @@ def calibrate(
     weak priors round the defaults, and their standard errors. `prf score MAP --config` tests them on other scans.
     -o writes them as a settings file for --config. Without -o they are printed only.
     """
-    options = locals()
-
     from prf.calibrate import calibrate_laser, calibrate_sonar, fitted_text, read_known_map
-    from prf.configuration import load_configuration
     from prf.sampler.prepare import read_configured
     from prf.shell.cli.files import open_output
     from prf.shell.cli.outputs import claim_output
@@ -52,17 +49,20 @@ def calibrate(
 
     if sonar is None and laser is None:
         raise UsageError("Nothing to calibrate by: give --sonar LOG, --laser LOG, or both.")
-    o.refuse_shared_stream({"--map": known, "--sonar": sonar, "--laser": laser, "--poses": poses, "--config": config})
+    config = settings.settings
+    poses = config.readings.poses
+    o.refuse_shared_stream(
+        {"--map": known, "--sonar": sonar, "--laser": laser, "--poses": poses, "--config": settings.file}
+    )
     if output is not None:
         claim_output(output, force, inputs=[known, sonar, laser, poses], suffixes=(".toml",), json=json)
-    settings = load_configuration(options, tables=("laser", "sonar", "readings")).settings
     area = read_known_map(known)
-    beams, cones = read_configured(settings, laser, sonar)
+    beams, cones = read_configured(config, laser, sonar)
     found = []
     if cones is not None:
-        found.append(calibrate_sonar(cones, area, settings))
+        found.append(calibrate_sonar(cones, area, config))
     if beams is not None:
-        found.append(calibrate_laser(beams, area, settings))
+        found.append(calibrate_laser(beams, area, config))
     if output is not None:
         with open_output(output) as stream:
             stream.write(fitted_text(found))

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import logging
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from prf.commands import _options as o
-from prf.shell.cli.options import Assignments, Force, Json, Output
+from prf.configuration import Configuration, named_sources
+from prf.shell.cli.flags import with_settings
+from prf.shell.cli.options import Force, Json, Output
+from prf.shell.cli.settings import Loaded
 
 if TYPE_CHECKING:
     from prf.results.occupancy import OccupancyGrid
@@ -23,24 +24,13 @@ EXAMPLES = (
 )
 
 
+@with_settings(Configuration, "prior.window", "laser.max_range", "sonar.max_range", "sonar.cone", "readings", "grid")
 def grid(
+    *,
     laser: o.Laser = None,
     sonar: o.Sonar = None,
-    topic: o.Topic = None,
-    frame: o.Frame = None,
-    poses: o.Poses = None,
     output: Output = None,
-    config: o.Config = None,
-    assignments: Assignments = None,
-    resolution: Annotated[
-        float | None, typer.Option("--resolution", metavar="METRES", help="Side of a cell.  [0.1]")
-    ] = None,
-    window: o.WindowOption = None,
-    max_range: o.MaxRange = None,
-    every_scan: o.EveryScan = None,
-    every_beam: o.EveryBeam = None,
-    scans: o.Scans = None,
-    skip_scans: o.SkipScans = None,
+    settings: Loaded[Configuration],
     force: Force = False,
     json: Json = False,
 ) -> None:
@@ -50,10 +40,7 @@ def grid(
     grid is a .npz file, by default the log's stem with .grid.npz; score, query, render, export and inspect take it in
     place of a RUN.
     """
-    options = locals()
-
-    from prf.configuration import load_configuration
-    from prf.results.occupancy import build_grid, grid_sources, write_grid
+    from prf.results.occupancy import build_grid, write_grid
     from prf.sampler.prepare import read_configured, with_poses
     from prf.sampler.session import default_output
     from prf.shell.cli.files import STREAM
@@ -64,16 +51,18 @@ def grid(
     logs = [log for log in (laser, sonar) if log is not None]
     if not logs:
         raise UsageError("Nothing to map: give --laser LOG, --sonar LOG, or both.")
-    o.refuse_shared_stream({"--laser": laser, "--sonar": sonar, "--poses": poses, "--config": config})
+    config = settings.settings
+    o.refuse_shared_stream(
+        {"--laser": laser, "--sonar": sonar, "--poses": config.readings.poses, "--config": settings.file}
+    )
     if output == STREAM:
         raise UsageError("-o -: a grid is a .npz archive. Name one.")
     target = output or str(default_output(logs[0]).with_suffix(".grid.npz"))
-    loaded = load_configuration(options, tables=("prior", "laser", "sonar", "readings", "grid"))
-    inputs = with_poses(logs, loaded.settings)
-    claim_output(target, force, inputs=[*inputs, config], suffixes=(".npz",))
-    readings = read_configured(loaded.settings, laser, sonar)
-    process = {**describe_process(inputs), "sources": grid_sources(loaded)}
-    made, n_beams, n_outside = build_grid(*readings, loaded.settings, process)
+    inputs = with_poses(logs, config)
+    claim_output(target, force, inputs=[*inputs, settings.file], suffixes=(".npz",))
+    readings = read_configured(config, laser, sonar)
+    process = {**describe_process(inputs), "sources": named_sources(settings)}
+    made, n_beams, n_outside = build_grid(*readings, config, process)
     write_grid(target, made)
     if n_outside:
         logger.warning(f"{n_outside} readings dropped: their sensors are outside the window")

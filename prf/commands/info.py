@@ -8,12 +8,16 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from prf.commands import _options as o
+from prf.configuration import Configuration
+from prf.shell.cli.flags import with_settings
 from prf.shell.cli.options import Json
+from prf.shell.cli.settings import Loaded
 
 if TYPE_CHECKING:
     from prf.readings import Kind
     from prf.readings.describe import Extent, LogSummary
 
+READ = ("topic", "frame", "poses", "pose_mount", "pose_gap", "pose_offset", "pose_quaternion")
 MOST_LINES = 15
 DETAILS = ("log", "8 m or more", "other lines")
 """Rows for ``-v`` alone."""
@@ -35,13 +39,13 @@ Sonar = Annotated[bool, typer.Option("--sonar", help="The sonar readings.  [lase
 PointData = Annotated[bool, typer.Option("--point-data", help="LOG has values at points, CSV x,y,value.")]
 
 
+@with_settings(Configuration, *(f"readings.{name}" for name in READ))
 def info(
     log: Log,
+    *,
     sonar: Sonar = False,
     point_data: PointData = False,
-    topic: o.Topic = None,
-    frame: o.Frame = None,
-    poses: o.Poses = None,
+    settings: Loaded[Configuration],
     json: Json = False,
 ) -> None:
     """Say what is in a log: scans, beams, extent, ranges, and what looks suspicious.
@@ -50,7 +54,8 @@ def info(
     lines of unknown kinds. Whether the poses agree with one another over loops is not checked: look at the map for
     that.
     """
-    from prf.readings import describe, read_poses, read_readings
+    from prf.readings import describe, read_readings
+    from prf.sampler.prepare import given_poses
     from prf.shell.cli import console, storage
 
     if point_data:
@@ -58,9 +63,10 @@ def info(
         return
 
     kind: Kind | None = "sonar" if sonar else None
-    o.refuse_shared_stream({"LOG": log, "--poses": poses})
-    trajectory = None if poses is None else read_poses(poses)
-    summary = describe(read_readings(log, kind, topic=topic, frame=frame, poses=trajectory), log)
+    chosen = settings.settings.readings
+    o.refuse_shared_stream({"LOG": log, "--poses": chosen.poses, "--config": settings.file})
+    readings = read_readings(log, kind, topic=chosen.topic, frame=chosen.frame, poses=given_poses(chosen))
+    summary = describe(readings, log)
     if json:
         storage.emit_object("prf.info/1", storage.jsonable(summary))
     else:

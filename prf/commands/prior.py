@@ -7,7 +7,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from prf.configuration import Configuration
+from prf.shell.cli.flags import with_settings
 from prf.shell.cli.options import Force, Json, Output, Seed
+from prf.shell.cli.settings import Loaded
 
 if TYPE_CHECKING:
     from prf.model.arak import Comparison
@@ -28,12 +31,9 @@ class Method(StrEnum):
     mcmc = "mcmc"
 
 
+@with_settings(Configuration, "prior", shown={"prior.window": "must be given"})
 def prior(
-    scale: Annotated[float, typer.Option("--scale", metavar="1/METRE", help="Scale parameter p of the Arak process.")],
-    window: Annotated[
-        tuple[float, float, float, float],
-        typer.Option("--window", metavar="X0 Y0 X1 Y1", help="The window, in metres."),
-    ],
+    *,
     draws: Annotated[int, typer.Option("--draws", metavar="N", min=1, help="How many draws.")],
     method: Annotated[
         Method,
@@ -43,6 +43,7 @@ def prior(
         int | None,
         typer.Option("--thin", metavar="STEPS", min=1, help="Steps of the chain from draw to draw; chosen if absent."),
     ] = None,
+    settings: Loaded[Configuration],
     seed: Seed = None,
     output: Output = None,
     json: Json = False,
@@ -63,25 +64,28 @@ def prior(
     from prf.shell.cli.provenance import resolve_seed
     from prf.shell.errors import UsageError
 
+    scale, window = settings.settings.prior.scale, settings.settings.prior.window
+    if window is None:
+        raise UsageError("prf prior has no readings to choose a window by: give --window X0 Y0 X1 Y1.")
     if thin is not None and method is Method.exact:
         raise UsageError("--thin is for --method mcmc: exact draws are independent.")
     if output is not None:
         claim_output(output, force, suffixes=(".geojsonl", ".geojson", ".txt"), json=json)
     used_seed = resolve_seed(seed)
-    drawn, used_thin = _draw(method, scale, Window.checked(*window), draws, thin, used_seed)
+    drawn, used_thin = _draw(method, scale, Window(*window), draws, thin, used_seed)
     if output is not None:
         with open_output(output) as stream:
             stream.writelines(f"{line}\n" for line in feature_lines(drawn))
     comparison = compare(drawn, scale)
     if json:
-        settings = {
+        made = {
             "method": method.value,
             "scale": scale,
             "window": list(window),
             "seed": used_seed,
             "thin": used_thin,
         }
-        storage.emit_object("prf.prior/1", {**settings, **comparison._asdict(), "output": output})
+        storage.emit_object("prf.prior/1", {**made, **comparison._asdict(), "output": output})
         return
     say = say_beside(output)
     for line in (*_lines(comparison, used_seed, used_thin), *([f"wrote       {output}"] if output else ())):

@@ -7,7 +7,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from prf.commands import _options as o
-from prf.shell.cli.options import Assignments, Force, Json, Output, Presets, Seed, Threads, parse_duration
+from prf.configuration import IN_MANIFEST, Configuration
+from prf.shell.cli.flags import with_settings
+from prf.shell.cli.options import Force, Json, Output, Seed, Threads
+from prf.shell.cli.settings import Loaded
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -23,67 +26,22 @@ EXAMPLES = (
     "prf sample --resume office --steps 5000000",
 )
 
-Chains = Annotated[int | None, typer.Option("--chains", metavar="N", min=1, help="Chains.  [4]")]
-Resolution = Annotated[
-    float | None,
-    typer.Option("--resolution", metavar="METRES", help="Side of a pixel of the image.  [fits the window]"),
-]
-Steps = Annotated[
-    int | None,
-    typer.Option(
-        "--steps",
-        metavar="N",
-        min=1,
-        help="Steps a chain in total, burn-in included; up to whole rounds of 10,000 or more.",
-    ),
-]
-TimeBudget = Annotated[
-    float | None,
-    typer.Option(
-        "--time-budget",
-        metavar="TIME",
-        parser=parse_duration,
-        help="Of this call, writing the run included; seconds, or 90s, 5m, 1h30m.",
-    ),
-]
 Resume = Annotated[str | None, typer.Option("--resume", metavar="RUN", help="Continue this run from its checkpoint.")]
 
 SOURCES: dict[ReadingKind, str] = {"laser": "--laser", "sonar": "--sonar", "points": "--point-data"}
 """Kind of readings to the option that names its log."""
 
 
+@with_settings(Configuration, *IN_MANIFEST)
 def sample(
+    *,
     laser: o.Laser = None,
     sonar: o.Sonar = None,
     point_data: o.PointData = None,
-    topic: o.Topic = None,
-    frame: o.Frame = None,
-    poses: o.Poses = None,
-    pose_noise: o.PoseNoise = None,
-    odometry: o.Odometry = None,
     output: Output = None,
-    config: o.Config = None,
-    preset: Presets = None,
-    assignments: Assignments = None,
-    scale: o.Scale = None,
-    window: o.WindowOption = None,
-    max_range: o.MaxRange = None,
-    every_scan: o.EveryScan = None,
-    every_beam: o.EveryBeam = None,
-    scans: o.Scans = None,
-    skip_scans: o.SkipScans = None,
-    noise: o.Noise = None,
-    noise_relative: o.NoiseRelative = None,
-    outlier_probability: o.OutlierProbability = None,
-    miss_probability: o.MissProbability = None,
-    sonar_max_range: o.SonarMaxRange = None,
-    sonar_cone: o.SonarCone = None,
-    driven_radius: o.DrivenRadius = None,
-    driven_poses: o.DrivenPoses = None,
-    chains: Chains = None,
-    resolution: Resolution = None,
-    steps: Steps = None,
-    time_budget: TimeBudget = None,
+    settings: Loaded[Configuration],
+    steps: o.Steps = None,
+    time_budget: o.TimeBudget = None,
     resume: Resume = None,
     seed: Seed = None,
     threads: Threads = 0,
@@ -96,27 +54,23 @@ def sample(
     what was seen, R-hat < 1.2 for the rest), or after 30 minutes, saying that they do not. Ctrl-C keeps what was
     sampled; --resume continues from there, and gives the same draws as a run that was never stopped.
     """
-    options = locals()
-
     from prf.api.sampling import resume as continue_run
     from prf.api.sampling import sample as draw
-    from prf.configuration import load_configuration
     from prf.shell.errors import UsageError
 
     if steps is not None and time_budget is not None:
         raise UsageError("--steps and --time-budget: give one of them.")
     given = (("--laser", laser), ("--sonar", sonar), ("--point-data", point_data))
     logs = {flag: log for flag, log in given if log is not None}
-    o.refuse_shared_stream({**logs, "--poses": poses, "--config": config})
-    loaded = load_configuration(options)
+    o.refuse_shared_stream({**logs, "--poses": settings.settings.readings.poses, "--config": settings.file})
     folder = _folder(logs, output, resume)
     how: dict[str, Any] = {"steps": steps, "seconds": time_budget, "threads": threads}
     how |= {"seed": seed, "on_interrupt": "raise"}
     if resume is not None:
-        run = continue_run(folder, requested=loaded, logs=logs, **how)
+        run = continue_run(folder, requested=settings, logs=logs, **how)
     else:
         sources: dict[ReadingKind, Source] = {name: logs[flag] for name, flag in SOURCES.items() if flag in logs}
-        run = draw(sources, config=loaded, output=folder, force=force, **how)
+        run = draw(sources, config=settings, output=folder, force=force, **how)
     _report(run, folder, json, steps if resume is None else None)
 
 

@@ -8,7 +8,10 @@ from typing import Annotated, Any
 import typer
 
 from prf.commands import _options as o
-from prf.shell.cli.options import Assignments, Json, Seed
+from prf.configuration import SCORE_DEFAULTS, Configuration
+from prf.shell.cli.flags import with_settings
+from prf.shell.cli.options import Json, Seed
+from prf.shell.cli.settings import Loaded
 
 MAIN = {
     "kind": "",
@@ -42,6 +45,7 @@ EXAMPLES = (
 )
 
 
+@with_settings(Configuration, "laser", "sonar", "readings", "trajectory.pose_noise", defaults=SCORE_DEFAULTS)
 def score(
     scored: Annotated[
         str,
@@ -49,6 +53,7 @@ def score(
             metavar="RUN|GRID|MAP", help="From prf sample or prf grid, or GeoJSON polygons of occupied area."
         ),
     ],
+    *,
     laser: Annotated[
         str | None,
         typer.Option("--laser", metavar="HELDOUT", help="Laser readings that the map was not made from."),
@@ -60,15 +65,6 @@ def score(
         str | None,
         typer.Option("--truth", metavar="PLAN.geojson", help="True plan: cells in view of the readings are compared."),
     ] = None,
-    topic: o.Topic = None,
-    frame: o.Frame = None,
-    poses: o.Poses = None,
-    pose_noise: o.PoseNoise = None,
-    max_range: o.MaxRange = None,
-    noise: o.Noise = None,
-    noise_relative: o.NoiseRelative = None,
-    outlier_probability: o.OutlierProbability = None,
-    miss_probability: o.MissProbability = None,
     square: Annotated[
         float,
         typer.Option(
@@ -78,12 +74,7 @@ def score(
             "cell.",
         ),
     ] = 0.2,
-    config: o.Config = None,
-    assignments: Assignments = None,
-    every_scan: o.EveryScan = None,
-    every_beam: o.EveryBeam = None,
-    scans: o.Scans = None,
-    skip_scans: o.SkipScans = None,
+    settings: Loaded[Configuration],
     seed: Seed = None,
     json: Json = False,
 ) -> None:
@@ -96,10 +87,7 @@ def score(
     was not made from: --skip-scans 5::10 there, --scans 5::10 here. With --pose-noise the poses of held-out scans are
     integrated out, on any kind of map. -v prints all figures, --json too.
     """
-    options = locals()
-
-    from prf.configuration import load_configuration
-    from prf.results.score import SCORE_DEFAULTS, hold_out, hold_out_sonar, open_map, read_occupied_area, true_cells
+    from prf.results.score import hold_out, hold_out_sonar, open_map, read_occupied_area, true_cells
     from prf.results.score import score as score_map
     from prf.sampler.prepare import read_configured
     from prf.shell.cli.provenance import resolve_seed
@@ -107,10 +95,9 @@ def score(
 
     if laser is None and sonar is None and truth is None:
         raise UsageError("Nothing to score by: give --laser HELDOUT, --sonar HELDOUT or --truth PLAN.geojson.")
-    o.refuse_shared_stream(
-        {"MAP": scored, "--laser": laser, "--sonar": sonar, "--truth": truth, "--poses": poses, "--config": config}
-    )
-    configuration = load_configuration(options, SCORE_DEFAULTS, ("laser", "sonar", "readings", "trajectory")).settings
+    configuration = settings.settings
+    streams = {"MAP": scored, "--laser": laser, "--sonar": sonar, "--truth": truth}
+    o.refuse_shared_stream({**streams, "--poses": configuration.readings.poses, "--config": settings.file})
     if configuration.trajectory.pose_noise is not None and (laser is None or sonar is not None):
         raise UsageError("--pose-noise: only a laser's poses are integrated out. Give --laser, and no --sonar.")
     found = open_map(scored)

@@ -7,7 +7,10 @@ from typing import Annotated, Any
 
 import typer
 
-from prf.shell.cli.options import Assignments, Force, Json, Output, Seed
+from prf.configuration import Configuration
+from prf.shell.cli.flags import with_settings
+from prf.shell.cli.options import Force, Json, Output, Seed
+from prf.shell.cli.settings import Loaded
 
 EXAMPLES = (
     "prf simulate --seed 1 -o wing",
@@ -40,17 +43,11 @@ Readings = Annotated[
 ]
 Laser = Annotated[bool, typer.Option("--laser/--no-laser", help="Write laser.log.gz.")]
 Sonar = Annotated[bool, typer.Option("--sonar", help="Write sonar.csv.gz, of a ring of 16 transducers.")]
-PoseNoise = Annotated[
-    tuple[float, float] | None,
-    typer.Option("--pose-noise", metavar="METRES RADIANS", help="Poses of the logs err by so much, independently."),
-]
-Odometry = Annotated[
-    str | None,
-    typer.Option("--odometry", metavar="KIND", help="Poses of the logs are odometry: precise, wheels or poor."),
-]
 
 
+@with_settings(Configuration, "simulate", "trajectory")
 def simulate(
+    *,
     world: World = "office",
     size: Size = None,
     scale: Scale = None,
@@ -58,9 +55,7 @@ def simulate(
     readings: Readings = None,
     laser: Laser = True,
     sonar: Sonar = False,
-    pose_noise: PoseNoise = None,
-    odometry: Odometry = None,
-    assignments: Assignments = None,
+    settings: Loaded[Configuration],
     seed: Seed = None,
     output: Output = None,
     force: Force = False,
@@ -73,7 +68,6 @@ def simulate(
     the table [simulate] of the settings. With --pose-noise or --odometry the logs have poses with errors, and
     true_poses.csv and .tum the true ones. For one loop give its waypoints as --path.
     """
-    from prf.configuration import load_configuration
     from prf.shell.cli import storage
     from prf.shell.cli.files import STREAM
     from prf.shell.cli.outputs import claim, refuse_existing
@@ -87,12 +81,10 @@ def simulate(
         raise UsageError("the result is a directory. Name one with -o DIR.")
     refuse_existing(output, force, is_folder=True)
     claim(output)
-    asked = {"assignments": assignments, "pose_noise": pose_noise, "odometry": odometry}
-    loaded = load_configuration(asked, tables=("simulate", "trajectory"))
-    refuse_absent_sensor(loaded.sources, laser, sonar)
-    errors = loaded.settings.trajectory
+    refuse_absent_sensor(settings.sources, laser, sonar)
+    errors = settings.settings.trajectory
     options = {"size": size, "scale": scale, "path": path, "readings": readings, "pose_noise": errors.pose_noise}
-    config = config_of(loaded.settings.simulate, world, laser, sonar, odometry_noise=errors.step_noise, **options)
+    config = config_of(settings.settings.simulate, world, laser, sonar, odometry_noise=errors.step_noise, **options)
     with progress(1.0, "casting beams") as bar:
         simulation = make(config, resolve_seed(seed), bar)
     write_simulation(output, simulation)

@@ -18,8 +18,6 @@ from prf.model.coloring.graph import Draws
 from prf.model.window import SIDES, Window
 from prf.shell.errors import ConfigError
 
-MAX_SCALE = 1e6
-"""1/m: walls a micrometre apart."""
 MAX_EDGES = 1e8
 """Of all draws of a call: gigabytes."""
 
@@ -55,16 +53,9 @@ def expected_length(scale: float, window: Window) -> float:
     return math.pi * scale * window.area
 
 
-def checked_scale(scale: float) -> float:
-    """Return `scale` as a float; ConfigError unless it is above 0, and at most `MAX_SCALE`."""
-    if not 0.0 < scale <= MAX_SCALE:
-        raise ConfigError(f"scale {scale}: must be a finite number above 0, at most {MAX_SCALE:g}, in 1/m.")
-    return float(scale)
-
-
 def refuse_too_many_edges(scale: float, window: Window, n_draws: int) -> None:
     """Raise ConfigError if draws have so many edges that neither time nor memory would do for them."""
-    expected = min(n_draws, sys.maxsize) * expected_edges(checked_scale(scale), window)
+    expected = min(n_draws, sys.maxsize) * expected_edges(scale, window)
     if not expected <= MAX_EDGES:
         raise ConfigError(
             f"scale {scale:g}: {n_draws} draws on {window.width:g} x {window.height:g} m would have about "
@@ -78,7 +69,7 @@ def exact_draws(scale: float, window: Window, n_draws: int, rng: np.random.Gener
     Parameters
     ----------
     scale : float
-        p in 1/m.
+        p in 1/m, above 0.
     window : Window
     n_draws : int
     rng : numpy.random.Generator
@@ -91,12 +82,12 @@ def exact_draws(scale: float, window: Window, n_draws: int, rng: np.random.Gener
     Raises
     ------
     ConfigError
-        If `scale` is not above 0 or `n_draws` is negative, or the draws would have more than `MAX_EDGES`.
+        If `n_draws` is negative, or the draws would have more than `MAX_EDGES`.
     """
     if n_draws < 0:
         raise ConfigError(f"{n_draws} draws: the number cannot be negative.")
     refuse_too_many_edges(scale, window, n_draws)
-    size = Size(window.width, window.height, checked_scale(scale))
+    size = Size(window.width, window.height, scale)
     vertices, edges, offsets, anchor_black = draw_many(n_draws, size, rng)
     side = vertices[:, 2].astype(np.int8)
     columns = np.ascontiguousarray(offsets.T)

@@ -1,8 +1,7 @@
-"""Laser range finder: the parameters of its likelihood, and its beams laid out for a chain (paper, section 2.2)."""
+"""Laser range finder: its beams laid out for a chain (paper, section 2.2)."""
 
 from __future__ import annotations
 
-import dataclasses
 import math
 
 import numpy as np
@@ -13,7 +12,7 @@ from prf.kernels.readings.beams import Beams, find_aims, find_exits
 from prf.kernels.readings.laser_change import FADED
 from prf.kernels.state.cell_lists import cells_of_segments, room_of_cells
 from prf.kernels.state.grid import Grid, most_cells
-from prf.model.domain import MIN_PROBABILITY, check_factor, check_length
+from prf.model.sensors import LaserModel
 from prf.model.window import Window
 from prf.shell.errors import ConfigError
 
@@ -21,133 +20,13 @@ Floats = NDArray[np.float64]
 
 MAX_SLOTS = 2**31  # slots are numbered by 32-bit integers
 
-BELOW_ONE_BIT = 2.0**-54  # what is added to a number and is smaller than this share of it leaves no trace
-
 FIRST_LEVEL = 5_000  # beams at least that are tested at first, where there are further levels
 LEVEL_GROWTH = 4  # how many times as many beams there are with a further level as without it
 ORDER = 19530921  # seed of the order in which beams are dealt to levels
 
+BELOW_ONE_BIT = 2.0**-54  # what is added to a number and is smaller than this share of it leaves no trace
 HAIR = 1e-6  # share by which an influence is enlarged: rounding must not let an obstacle slip through
 MARGIN = 1e-3  # metres by which the ends of an aim are moved outwards: more than slots are rounded by
-
-
-@dataclasses.dataclass(frozen=True)
-class LaserModel:
-    """Parameters of the density of a reading given the distance to the first obstacle.
-
-    Parameters
-    ----------
-    max_range : float
-        Metres. A reading at or above it is "no return".
-    noise : float
-        Standard deviation in metres.
-    noise_relative : float
-        Standard deviation as a share of the distance; the larger of the two counts.
-    outlier_probability : float
-        Weight of the uniform density on [0, max_range].
-    miss_probability : float
-        Weight of "no return" although an obstacle is in reach.
-    """
-
-    max_range: float
-    noise: float = 0.03
-    noise_relative: float = 0.01
-    outlier_probability: float = 0.05
-    miss_probability: float = 0.02
-
-    def __post_init__(self) -> None:
-        """Refuse parameters that make no density."""
-        for name in ("max_range", "noise"):
-            check_length(name.replace("_", "-"), getattr(self, name))
-        check_factor("noise-relative", self.noise_relative, 0.0)
-        for name in ("outlier_probability", "miss_probability"):
-            value = getattr(self, name)
-            if not 0.0 <= value < 1.0:
-                raise ConfigError(f"{name.replace('_', '-')} {value}: must lie in [0, 1)")
-        if self.outlier_probability < MIN_PROBABILITY:
-            raise ConfigError(
-                f"outlier-probability {self.outlier_probability:g}: no map could explain a stray reading; use a small "
-                f"positive one"
-            )
-        if self.outlier_probability + self.miss_probability >= 1.0:
-            raise ConfigError("outlier-probability + miss-probability: their sum must stay below 1")
-
-    @property
-    def hit_probability(self) -> float:
-        """Weight of the Gaussian round the distance to the first obstacle."""
-        return 1.0 - self.outlier_probability - self.miss_probability
-
-    def to_array(self) -> Floats:
-        """Return the parameters as the kernels take them, (N_LASER_MODEL,)."""
-        model = np.zeros(c.N_LASER_MODEL)
-        model[c.MAX_RANGE] = self.max_range
-        model[c.NOISE] = self.noise
-        model[c.NOISE_RELATIVE] = self.noise_relative
-        model[c.HIT] = self.hit_probability
-        model[c.OUTLIER_DENSITY] = self.outlier_probability / self.max_range
-        model[c.MISS] = self.miss_probability
-        model[c.LOG_OUTLIER] = math.log(self.outlier_probability / self.max_range)
-        model[c.LOG_MISS] = math.log(self.miss_probability + self.hit_probability)
-        model[c.VANISHING] = self.deviation_where_hits_are(BELOW_ONE_BIT) ** 2
-        return model
-
-    def deviation_where_hits_are(self, share: float) -> float:
-        """Return the standard deviations past which the Gaussian is below `share` of the uniform density."""
-        highest = 2.0 * self.hit_probability / (self.noise * math.sqrt(2.0 * math.pi))
-        return math.sqrt(2.0 * max(0.0, math.log(highest / (share * self.outlier_probability / self.max_range))))
-
-    @property
-    def is_wide(self) -> bool:
-        """Whether much of the noise may lie below 0 or beyond the maximum range, where it is cut off."""
-        return self.max_range < 20.0 * max(self.noise, self.noise_relative * self.max_range)
-
-    def best_log_likelihood(self, readings: Floats) -> Floats:
-        """Return a bound (n,) that the log density of each reading exceeds at no distance.
-
-        Readings are those of :func:`make_rays`: metres; inf for no return, -m for one that is censored at m.
-
-        At r = d with s = max(noise, noise_relative r) the Gaussian is highest but for noise_relative^2 nats, because s
-        grows with d. What is cut off below 0 at most doubles it, and matters only near 0 unless the noise is wide.
-        """
-        has_return = np.isfinite(readings) & (readings >= 0.0)
-        spread = np.maximum(self.noise, self.noise_relative * np.where(has_return, readings, 0.0))
-        near = readings < 20.0 * spread
-        if self.is_wide:
-            spread, near = np.full(len(readings), self.noise), has_return
-        peak = np.where(near, 2.0, 1.0) * math.exp(self.noise_relative**2) / (spread * math.sqrt(2.0 * math.pi))
-        hit = np.log(self.hit_probability * peak + self.outlier_probability / self.max_range)
-        censored_at = np.where(readings < 0.0, -readings, self.max_range)
-        strays = self.outlier_probability * (1.0 - censored_at / self.max_range)
-        missed = np.log(self.miss_probability + self.hit_probability + strays)
-        return np.asarray(np.where(has_return, hit, missed) + 1e-9)
-
-    def aim(self, readings: Floats) -> tuple[Floats, Floats]:
-        """Return the distances (n,) between which an obstacle can explain a reading better than none before its own.
-
-        Outside of them a beam that is cut gains less than ``FADED`` of the kernels; one without return,
-        or that is censored (readings as of :func:`make_rays`), nowhere.
-        """
-        if self.is_wide:
-            return np.full(len(readings), -np.inf), np.full(len(readings), np.inf)
-        readings = np.where(readings < 0.0, np.inf, readings)
-        z = self.deviation_where_hits_are(FADED)
-        shrunk = 1.0 - z * self.noise_relative
-        beyond = readings / shrunk if shrunk > 0.0 else np.full(len(readings), np.inf)
-        near = np.minimum(readings - z * self.noise, readings / (1.0 + z * self.noise_relative))
-        far = np.maximum(readings + z * self.noise, beyond)
-        return near, far
-
-    def influence(self, readings: Floats) -> Floats:
-        """Return the distance (n,) beyond which an obstacle is no more likely to return a reading than none at all.
-
-        There ``beam_log_likelihood`` gives the density of an outlier, to the last bit. Infinite
-        for readings without return, and for censored ones (:func:`make_rays`): any obstacle in reach concerns these.
-        """
-        returned = np.where(readings < 0.0, np.inf, readings)
-        sigmas = self.deviation_where_hits_are(BELOW_ONE_BIT)
-        share = 1.0 - sigmas * self.noise_relative
-        far = np.maximum(returned + sigmas * self.noise, returned / share if share > 0.0 else np.inf)
-        return np.asarray((1.0 + HAIR) * far, np.float64)
 
 
 def unit_vectors(angle: Floats) -> Floats:
@@ -179,8 +58,8 @@ def make_rays(window: Window, model: LaserModel, origin: Floats, angle: Floats, 
     ray[:, c.DIRECTION_Y] = np.sin(angle)
     direction = ray[:, c.DIRECTION_X : c.DIRECTION_Y + 1]
     leaves = window_exit(window, ray[:, :2], direction)
-    ray[:, c.MAX_DISTANCE] = np.minimum(leaves, model.max_range)
-    beyond = np.where(leaves < model.max_range, -leaves, np.inf)
+    ray[:, c.MAX_DISTANCE] = np.minimum(leaves, model.limit)
+    beyond = np.where(leaves < model.limit, -leaves, np.inf)
     ray[:, c.RANGE] = np.where(readings < ray[:, c.MAX_DISTANCE], readings, beyond)
     ray[:, c.DISTANCE] = np.inf
     return ray
@@ -209,6 +88,72 @@ def empty_lists(beams: Beams, edge_capacity: int) -> Beams:
     return beams._replace(first_beam=np.full(shape, c.NONE, np.int32), edge_shortfall=np.zeros(shape))
 
 
+def laser_array(model: LaserModel) -> Floats:
+    """Return the parameters as the kernels take them, (N_LASER_MODEL,)."""
+    array = np.zeros(c.N_LASER_MODEL)
+    array[c.MAX_RANGE] = model.limit
+    array[c.NOISE] = model.noise
+    array[c.NOISE_RELATIVE] = model.noise_relative
+    array[c.HIT] = model.hit_probability
+    array[c.OUTLIER_DENSITY] = model.outlier_probability / model.limit
+    array[c.MISS] = model.miss_probability
+    array[c.LOG_OUTLIER] = math.log(model.outlier_probability / model.limit)
+    array[c.LOG_MISS] = math.log(model.miss_probability + model.hit_probability)
+    array[c.VANISHING] = model.deviation_where_hits_are(BELOW_ONE_BIT) ** 2
+    return array
+
+
+def best_log_likelihood(model: LaserModel, readings: Floats) -> Floats:
+    """Return a bound (n,) that the log density of each reading exceeds at no distance.
+
+    Readings are those of :func:`make_rays`: metres; inf for no return, -m for one that is censored at m.
+
+    At r = d with s = max(noise, noise_relative r) the Gaussian is highest but for noise_relative^2 nats, because s
+    grows with d. What is cut off below 0 at most doubles it, and matters only near 0 unless the noise is wide.
+    """
+    has_return = np.isfinite(readings) & (readings >= 0.0)
+    spread = np.maximum(model.noise, model.noise_relative * np.where(has_return, readings, 0.0))
+    near = readings < 20.0 * spread
+    if model.is_wide:
+        spread, near = np.full(len(readings), model.noise), has_return
+    peak = np.where(near, 2.0, 1.0) * math.exp(model.noise_relative**2) / (spread * math.sqrt(2.0 * math.pi))
+    hit = np.log(model.hit_probability * peak + model.outlier_probability / model.limit)
+    censored_at = np.where(readings < 0.0, -readings, model.limit)
+    strays = model.outlier_probability * (1.0 - censored_at / model.limit)
+    missed = np.log(model.miss_probability + model.hit_probability + strays)
+    return np.asarray(np.where(has_return, hit, missed) + 1e-9)
+
+
+def beam_influence(model: LaserModel, readings: Floats) -> Floats:
+    """Return the distance (n,) beyond which an obstacle is no more likely to return a reading than none at all.
+
+    There ``beam_log_likelihood`` gives the density of an outlier, to the last bit. Infinite
+    for readings without return, and for censored ones (:func:`make_rays`): any obstacle in reach concerns these.
+    """
+    returned = np.where(readings < 0.0, np.inf, readings)
+    sigmas = model.deviation_where_hits_are(BELOW_ONE_BIT)
+    share = 1.0 - sigmas * model.noise_relative
+    far = np.maximum(returned + sigmas * model.noise, returned / share if share > 0.0 else np.inf)
+    return np.asarray((1.0 + HAIR) * far, np.float64)
+
+
+def aims_of(model: LaserModel, readings: Floats) -> tuple[Floats, Floats]:
+    """Return the distances (n,) between which an obstacle can explain a reading better than none before its own.
+
+    Outside of them a beam that is cut gains less than ``FADED`` of the kernels; one without return,
+    or that is censored (readings as of :func:`make_rays`), nowhere.
+    """
+    if model.is_wide:
+        return np.full(len(readings), -np.inf), np.full(len(readings), np.inf)
+    readings = np.where(readings < 0.0, np.inf, readings)
+    z = model.deviation_where_hits_are(FADED)
+    shrunk = 1.0 - z * model.noise_relative
+    beyond = readings / shrunk if shrunk > 0.0 else np.full(len(readings), np.inf)
+    near = np.minimum(readings - z * model.noise, readings / (1.0 + z * model.noise_relative))
+    far = np.maximum(readings + z * model.noise, beyond)
+    return near, far
+
+
 def make_beams(grid: Grid, model: LaserModel, ray: Floats, edge_capacity: int, n_levels: int | None = None) -> Beams:
     """Lay out beams and the index of their cells, with room for the longest possible lists.
 
@@ -221,10 +166,10 @@ def make_beams(grid: Grid, model: LaserModel, ray: Floats, edge_capacity: int, n
     slot_start, slot_cell, slot_exit, cell_start = _make_slots(grid, ray, level, n_levels)
     n_slots = len(slot_cell)
     aim = np.zeros((n, 2), np.int32)
-    near, far = model.aim(ray[:, c.RANGE])
+    near, far = aims_of(model, ray[:, c.RANGE])
     find_aims(near - MARGIN, far + MARGIN, slot_start, slot_exit, aim)
     return Beams(
-        model=model.to_array(),
+        model=laser_array(model),
         ray=ray.copy(),
         beyond=np.full(n, np.inf),
         impact_edge=np.full(n, c.NONE, np.int32),
@@ -240,7 +185,7 @@ def make_beams(grid: Grid, model: LaserModel, ray: Floats, edge_capacity: int, n
         cell_start=cell_start,
         cell_count=np.zeros(n_levels * n_cells, np.int32),
         entries=np.zeros((n_slots, 2), np.int32),
-        best=model.best_log_likelihood(ray[:, c.RANGE]),
+        best=best_log_likelihood(model, ray[:, c.RANGE]),
         aim=aim,
         edge_shortfall=np.zeros((edge_capacity, n_levels)),
         cell_shortfall=np.zeros(n_levels * n_cells),

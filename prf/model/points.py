@@ -1,20 +1,18 @@
-"""Point observations: the parameters of their density, and the points laid out for a chain (paper, equation 5)."""
+"""Point observations: the points laid out for a chain (paper, equation 5)."""
 
 from __future__ import annotations
 
-import dataclasses
 import math
 
 import numpy as np
 from numpy.typing import NDArray
 
 from prf.kernels.readings import points as k
+from prf.model.sensors import PointModel
 from prf.model.window import Window
 from prf.shell.errors import ConfigError
 
 Floats = NDArray[np.float64]
-
-KINDS = ("gaussian", "binary")
 
 POINTS_A_ROW = 4  # if so many points share each y in the mean, they are taken row by row
 MIN_SIGMA = 1e-3
@@ -25,70 +23,34 @@ ENOUGH = 1e-9
 MAX_VALUES = 100_000  # sigma is estimated from every k-th value so that no more than twice as many are used
 
 
-@dataclasses.dataclass(frozen=True)
-class PointModel:
-    """Parameters of the density of a value given the colour of the map at its place.
+def resolved(model: PointModel, values: Floats) -> PointModel:
+    """Return the model with the kind, and the sigma of a gaussian one, that fit `values` (n,)."""
+    is_binary = bool(np.isin(values, (0.0, 1.0)).all())
+    kind = model.kind or ("binary" if is_binary else "gaussian")
+    if kind == "binary":
+        if not is_binary:
+            odd = values[~np.isin(values, (0.0, 1.0))][0]
+            raise ConfigError(f'points-kind "binary": a value is {odd:g}, neither 0 nor 1. Use kind = "gaussian".')
+        return model.replace(kind=kind)
+    sigma = model.sigma if model.sigma is not None else estimated_sigma(values, model.mean_black, model.mean_white)
+    return model.replace(kind=kind, sigma=sigma)
 
-    Parameters
-    ----------
-    kind : {"gaussian", "binary"} or None
-        ``gaussian``: normal round the mean of the colour; ``binary``: 1 for black and 0 for white, or the other way
-        round with the flip probability. None: binary if every value is 0 or 1, else gaussian.
-    mean_black, mean_white : float
-        Means of the values in black and in white (gaussian), in the unit of the values.
-    sigma : float or None
-        Standard deviation of the values (gaussian); None: estimated from them.
-    flip_probability : float
-        Probability that a value is of the other colour (binary).
-    """
 
-    kind: str | None = None
-    mean_black: float = 1.0
-    mean_white: float = 0.0
-    sigma: float | None = None
-    flip_probability: float = 0.1
-
-    def __post_init__(self) -> None:
-        """Refuse parameters that make no density."""
-        if self.kind is not None and self.kind not in KINDS:
-            raise ConfigError(f'points-kind {self.kind!r}: must be "gaussian" or "binary"')
-        for name in ("mean_black", "mean_white"):
-            if not math.isfinite(getattr(self, name)):
-                raise ConfigError(f"points-{name.replace('_', '-')} {getattr(self, name)}: must be a finite number")
-        if self.mean_black == self.mean_white:
-            raise ConfigError(f"points-mean-black and points-mean-white are both {self.mean_black}: they must differ")
-        if self.sigma is not None and not (math.isfinite(self.sigma) and self.sigma > 0.0):
-            raise ConfigError(f"points-sigma {self.sigma}: must be a positive number")
-        if not 0.0 < self.flip_probability < 0.5:
-            raise ConfigError(f"points-flip-probability {self.flip_probability}: must lie in (0, 0.5)")
-
-    def resolved(self, values: Floats) -> PointModel:
-        """Return the model with the kind, and the sigma of a gaussian one, that fit `values` (n,)."""
-        is_binary = bool(np.isin(values, (0.0, 1.0)).all())
-        kind = self.kind or ("binary" if is_binary else "gaussian")
-        if kind == "binary":
-            if not is_binary:
-                odd = values[~np.isin(values, (0.0, 1.0))][0]
-                raise ConfigError(f'points-kind "binary": a value is {odd:g}, neither 0 nor 1. Use kind = "gaussian".')
-            return dataclasses.replace(self, kind=kind)
-        sigma = self.sigma if self.sigma is not None else estimated_sigma(values, self.mean_black, self.mean_white)
-        return dataclasses.replace(self, kind=kind, sigma=sigma)
-
-    def log_density(self, values: Floats) -> Floats:
-        """Return the log density of each of `values` (n,) where the map is white and where it is black, (n, 2)."""
-        model = self.resolved(values)
-        if model.kind == "binary":
-            kept, flipped = math.log1p(-self.flip_probability), math.log(self.flip_probability)
-            black = np.where(values == 1.0, kept, flipped)
-            return np.column_stack((kept + flipped - black, black))
-        assert model.sigma is not None
-        means = np.array([self.mean_white, self.mean_black])
-        with np.errstate(over="ignore"):
-            log_density = -0.5 * ((values[:, None] - means) / model.sigma) ** 2
-        if not np.isfinite(log_density).all():
-            raise ConfigError(f"points-sigma {model.sigma:g}: too small for values so far from both means")
-        found: Floats = log_density - math.log(model.sigma * math.sqrt(2.0 * math.pi))
-        return found
+def log_density(model: PointModel, values: Floats) -> Floats:
+    """Return the log density of each of `values` (n,) where the map is white and where it is black, (n, 2)."""
+    model = resolved(model, values)
+    if model.kind == "binary":
+        kept, flipped = math.log1p(-model.flip_probability), math.log(model.flip_probability)
+        black = np.where(values == 1.0, kept, flipped)
+        return np.column_stack((kept + flipped - black, black))
+    assert model.sigma is not None
+    means = np.array([model.mean_white, model.mean_black])
+    with np.errstate(over="ignore"):
+        log_density = -0.5 * ((values[:, None] - means) / model.sigma) ** 2
+    if not np.isfinite(log_density).all():
+        raise ConfigError(f"points-sigma {model.sigma:g}: too small for values so far from both means")
+    found: Floats = log_density - math.log(model.sigma * math.sqrt(2.0 * math.pi))
+    return found
 
 
 def estimated_sigma(values: Floats, mean_black: float, mean_white: float) -> float:

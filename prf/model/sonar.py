@@ -1,8 +1,7 @@
-"""Sonar: the parameters of its likelihood, and its cones laid out for a chain (paper, section 2.3)."""
+"""Sonar: its cones laid out for a chain (paper, section 2.3)."""
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from typing import NamedTuple
 
@@ -15,82 +14,30 @@ from prf.kernels.readings import sonar as m
 from prf.kernels.readings import sonar_features as v
 from prf.kernels.state.cell_lists import room_of_cells
 from prf.kernels.state.grid import Grid
-from prf.model.domain import MIN_PROBABILITY, check_factor, check_length
 from prf.model.laser import MAX_SLOTS, unit_vectors, window_exit
+from prf.model.sensors import SonarModel
 from prf.model.window import Window
 from prf.shell.errors import ConfigError
 
 Floats = NDArray[np.float64]
 
 
-@dataclasses.dataclass(frozen=True)
-class SonarModel:
-    """Parameters of the density of a sonar reading given the surfaces and corners in its cone.
-
-    The defaults suit the Polaroid ring of a Pioneer indoors.
-
-    Parameters
-    ----------
-    max_range : float
-        Metres. A reading at or above it is "no return".
-    noise, noise_relative : float
-        Standard deviation in metres, and as a share of the distance; the larger of the two counts.
-    corner_bias, corner_distance : float
-        Log odds that a corner at no distance returns a pulse; loss of log odds a metre.
-    surface_bias, surface_distance, surface_oblique, surface_subtended : float
-        Log odds that a surface at no distance, face on, returns a pulse; loss a metre; loss a radian away from
-        face on; gain a radian of the field of view that it fills.
-    uniform_probability, short_probability : float
-        Shares of the readings that no feature returned which are uniform on [0, max_range], and exponential;
-        the others are "no return".
-    short_length : float
-        Mean of the exponential, metres.
-    """
-
-    max_range: float = 3.5
-    noise: float = 0.03
-    noise_relative: float = 0.02
-    corner_bias: float = 1.0
-    corner_distance: float = 0.5
-    surface_bias: float = 2.4
-    surface_distance: float = 0.5
-    surface_oblique: float = 16.0
-    surface_subtended: float = 6.0
-    uniform_probability: float = 0.2
-    short_probability: float = 0.05
-    short_length: float = 0.5
-
-    def __post_init__(self) -> None:
-        """Refuse parameters that make no density."""
-        for name in ("max_range", "noise", "short_length"):
-            check_length(f"sonar-{name.replace('_', '-')}", getattr(self, name))
-        for field in dataclasses.fields(self):
-            check_factor(f"sonar-{field.name.replace('_', '-')}", getattr(self, field.name))
-        check_factor("sonar-noise-relative", self.noise_relative, 0.0)
-        if not MIN_PROBABILITY <= self.uniform_probability < 1.0:
-            raise ConfigError(
-                f"sonar-uniform-probability {self.uniform_probability}: must lie in (0, 1), else no map could explain "
-                "a stray reading"
-            )
-        if not 0.0 <= self.short_probability < 1.0 - self.uniform_probability:
-            raise ConfigError("sonar-short-probability + sonar-uniform-probability: their sum must stay below 1")
-
-    def to_array(self) -> Floats:
-        """Return the parameters as the kernels take them, (N_SONAR_MODEL,)."""
-        model = np.zeros(m.N_SONAR_MODEL)
-        model[m.SONAR_MAX] = self.max_range
-        model[m.SONAR_NOISE] = self.noise
-        model[m.SONAR_NOISE_RELATIVE] = self.noise_relative
-        model[m.CORNER_BIAS] = self.corner_bias
-        model[m.CORNER_DISTANCE] = self.corner_distance
-        model[m.SURFACE_BIAS] = self.surface_bias
-        model[m.SURFACE_DISTANCE] = self.surface_distance
-        model[m.SURFACE_OBLIQUE] = self.surface_oblique
-        model[m.SURFACE_SUBTENDED] = self.surface_subtended
-        model[m.OUTLIER_UNIFORM] = self.uniform_probability
-        model[m.OUTLIER_SHORT] = self.short_probability
-        model[m.SHORT_RATE] = 1.0 / self.short_length
-        return model
+def sonar_array(model: SonarModel) -> Floats:
+    """Return the parameters as the kernels take them, (N_SONAR_MODEL,)."""
+    array = np.zeros(m.N_SONAR_MODEL)
+    array[m.SONAR_MAX] = model.max_range
+    array[m.SONAR_NOISE] = model.noise
+    array[m.SONAR_NOISE_RELATIVE] = model.noise_relative
+    array[m.CORNER_BIAS] = model.corner_bias
+    array[m.CORNER_DISTANCE] = model.corner_distance
+    array[m.SURFACE_BIAS] = model.surface_bias
+    array[m.SURFACE_DISTANCE] = model.surface_distance
+    array[m.SURFACE_OBLIQUE] = model.surface_oblique
+    array[m.SURFACE_SUBTENDED] = model.surface_subtended
+    array[m.OUTLIER_UNIFORM] = model.uniform_probability
+    array[m.OUTLIER_SHORT] = model.short_probability
+    array[m.SHORT_RATE] = 1.0 / model.short_length
+    return array
 
 
 class Returns(NamedTuple):
@@ -180,7 +127,7 @@ def make_cones(grid: Grid, model: SonarModel, pose: Floats, edge_capacity: int) 
     slot_cell, slot_near = np.empty(n_slots, np.int32), np.empty(n_slots, np.float32)
     k.find_slots(grid, pose, cells, near, slot_start, slot_cell, slot_near)
     return k.Cones(
-        model=model.to_array(),
+        model=sonar_array(model),
         pose=pose.copy(),
         last_slot=np.zeros(n, np.int32),
         slot_start=slot_start,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -10,13 +9,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from prf.kernels.constants import BOTTOM, INTERIOR, LEFT, RIGHT, TOP
+from prf.model.domain import window_fault
 from prf.shell.errors import ConfigError
 
 __all__ = [
     "BOTTOM",
     "INTERIOR",
-    "LARGEST_COORDINATE",
-    "LARGEST_RANGE",
     "LEFT",
     "RIGHT",
     "SIDES",
@@ -31,10 +29,6 @@ SIDES = (BOTTOM, RIGHT, TOP, LEFT)
 A vertex that lies on no side is ``INTERIOR``.
 """
 SIDE_NAMES = ("bottom", "right", "top", "left")
-LARGEST_COORDINATE = 1e8
-"""Metres. Beyond any projected map (1e7), and small enough that millimetres survive in double precision."""
-LARGEST_RANGE = 1e6
-"""Metres. Beyond any sensor, and far below what drivers write for no return, such as the largest float."""
 
 
 class Window(NamedTuple):
@@ -49,13 +43,8 @@ class Window(NamedTuple):
     def checked(cls, x_min: float, y_min: float, x_max: float, y_max: float) -> Window:
         """Return the window with these bounds; ConfigError unless they are finite, within range and in order."""
         window = cls(float(x_min), float(y_min), float(x_max), float(y_max))
-        written = " ".join(repr(bound) for bound in window)
-        if not all(math.isfinite(bound) for bound in window):
-            raise ConfigError(f"window {written}: every bound must be finite. Give X0 Y0 X1 Y1 in metres.")
-        if max(map(abs, window)) > LARGEST_COORDINATE:
-            raise ConfigError(f"window {written}: a bound lies beyond {LARGEST_COORDINATE:g} m. Use a local origin.")
-        if not (window.x_min < window.x_max and window.y_min < window.y_max):
-            raise ConfigError(f"window {written}: needs X0 < X1 and Y0 < Y1.")
+        if fault := window_fault(window):
+            raise ConfigError(f"window {' '.join(map(repr, window))}: {fault}.")
         return window
 
     @classmethod

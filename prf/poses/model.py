@@ -21,14 +21,6 @@ from prf.shell.errors import InputError
 SAME_TIME = 0.1
 """Seconds between scans of two sensors up to which these share a state: errors change more slowly than poses."""
 
-ODOMETRY = {
-    "precise": (0.01, 0.002, 0.01, 0.01),
-    "wheels": (0.05, 0.01, 0.03, 0.03),
-    "poor": (0.2, 0.05, 0.1, 0.1),
-}
-"""Noise of odometry, by name: radians per root radian turned, radians per root metre driven, metres per root metre
-driven, metres per root radian turned. Variances add up along the way, however finely a log divides it."""
-
 STAND = np.array([1e-3, 1e-3, 1e-4])
 """Standard deviations (m, m, rad) that a step of the odometry has at least: of a robot that stands."""
 
@@ -99,7 +91,7 @@ class PoseModel:
     # Draws (n, 3) of where chains start, round `start`; None: there
     draw_start: Callable[[np.random.Generator], Floats] | None = None
     way: Floats | None = None  # (n, 2) metres driven and radians turned up to each state, along the whole log
-    odometry: Sequence[float] | None = None  # its four numbers (:data:`ODOMETRY`)
+    odometry: Sequence[float] | None = None  # its four numbers (:data:`prf.configuration.ODOMETRY`)
 
     def used(self, rows: NDArray[np.int64], cone_rows: NDArray[np.int64]) -> PoseModel:
         """Return the model of these readings of laser and sonar; states without a reading are left out."""
@@ -151,7 +143,7 @@ def pose_model(
     """Return the states of readings in use and their prior; chains start at the given poses.
 
     `noise`: standard deviations of the given poses, metres and radians; None: only the odometry counts. `odometry`: its
-    four numbers (:data:`ODOMETRY`); the given poses are then its record, step by step.
+    four numbers (:data:`prf.configuration.ODOMETRY`); the given poses are then its record, step by step.
     """
     kept = [part for part in (laser, sonar) if part is not None]
     found = [_states(part) for part in kept]

@@ -7,12 +7,10 @@ from prf.readings.open import log_stem, read_logs, read_readings
 from prf.readings.points import PointSummary, PointTable, describe_points, read_point_data
 from prf.readings.poses import GivenPoses, read_poses
 from prf.readings.readings import Kind, LogNotes, NoReadings, Readings, ScanTable
-from prf.readings.robot import CONE
 from prf.readings.table import write_table
 from prf.readings.thinning import thin
 
 __all__ = [
-    "CONE",
     "GivenPoses",
     "Kind",
     "LogNotes",

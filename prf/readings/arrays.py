@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from prf.model.sensors import CONE
 from prf.readings.points import PointTable
 from prf.readings.readings import LogNotes, Readings
-from prf.readings.robot import CONE
 from prf.readings.text import DOMAINS
 from prf.shell.errors import ArgumentError
 

@@ -26,6 +26,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from prf.model.sensors import CONE
 from prf.readings.carmen_lines import (
     LASERS,
     PLAIN_LASERS,
@@ -38,7 +39,7 @@ from prf.readings.carmen_lines import (
 )
 from prf.readings.poses import Track
 from prf.readings.readings import Kind, LogNotes, NoReadings, OwnPoses, Readings, Scan, assemble
-from prf.readings.robot import CONE, QUARTER_DEGREES, mounted, ring_of, seen_from
+from prf.readings.robot import QUARTER_DEGREES, mounted, ring_of, seen_from
 from prf.readings.text import FloatArray, floats, parse_lines
 from prf.shell.errors import ConfigError, InputError
 

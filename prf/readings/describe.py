@@ -14,9 +14,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from prf.model.domain import LARGEST_RANGE
 from prf.model.laser import unit_vectors
-from prf.model.sonar import SonarModel
-from prf.model.window import LARGEST_RANGE
+from prf.model.sensors import SonarModel
 from prf.readings.readings import Kind, Readings, ScanTable
 from prf.readings.text import FloatArray
 
@@ -78,7 +78,7 @@ def describe(readings: Readings, path: str) -> LogSummary:
     notes = readings.notes
     scans = notes.scans
     is_sonar = bool(readings.cone.any())
-    max_range = SonarModel.max_range if is_sonar else default_max_range(readings)
+    max_range = SonarModel().max_range if is_sonar else default_max_range(readings)
     return LogSummary(
         source=path,
         format=notes.format,

@@ -19,7 +19,8 @@ from prf.kernels.state.grid import Grid, most_cells
 from prf.kernels.state.guards import GUARD_WAY, N_SHAPE
 from prf.model.laser import unit_vectors, window_exit
 from prf.model.layout import image_grid
-from prf.model.sonar import SonarModel, make_poses
+from prf.model.sensors import SonarModel
+from prf.model.sonar import make_poses
 from prf.model.window import Window
 from prf.readings.points import PointTable
 from prf.readings.readings import Readings

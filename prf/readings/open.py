@@ -11,12 +11,12 @@ from pathlib import Path
 from tempfile import NamedTemporaryFile
 from typing import Literal
 
+from prf.model.sensors import CONE
 from prf.readings.bag import read_bag
 from prf.readings.carmen import KNOWN_KINDS, read_carmen
 from prf.readings.player import read_player
 from prf.readings.poses import GivenPoses, placed
 from prf.readings.readings import Kind, OwnPoses, Readings
-from prf.readings.robot import CONE
 from prf.readings.table import REQUIRED, read_table
 from prf.readings.text import BYTE_ORDER_MARK, column_names, decompress
 from prf.shell.cli.files import STREAM, open_input

@@ -27,7 +27,6 @@ from prf.shell.poses.files import Order, PoseFile, in_seconds, interpolate, read
 from prf.shell.poses.tf import HOLD
 
 MAX_TIES = 0.1  # share of equal time stamps up to which a clock is fine enough to interpolate by it
-GAP = 2.0  # seconds between poses, up to which a robot is taken to go straight from one to the next
 SAME_TIME = 0.01  # seconds: a scan so near to a pose has it, since files round their times
 FEW = 0.002  # share of scans that a trajectory of another clock or in another unit places by chance
 CLIMB = 1.0  # metres upward, as no robot on one floor goes; of a camera z is ahead
@@ -94,13 +93,14 @@ class GivenPoses:
     """GivenPoses for the scans of a log, and how they belong to them.
 
     `mount`: x, y and theta of the sensor (of a ring of sonars: of the robot) in the frame of the poses; None: as the
-    log has it. `gap`: seconds, `GAP`. `offset`: seconds added to the times of the poses.
+    log has it. `gap`: seconds between poses, up to which a robot is taken to go straight from one to the next.
+    `offset`: seconds added to the times of the poses.
     """
 
     trajectory: PoseFile
     source: str
+    gap: float
     mount: tuple[float, float, float] | None = None
-    gap: float = GAP
     offset: float = 0.0
 
     @property
@@ -109,10 +109,16 @@ class GivenPoses:
         return None if self.trajectory.times is None else self.trajectory.times + self.offset
 
 
-def read_poses(path: str, quaternion: Order | None = None) -> GivenPoses:
-    """Read the poses of a file, which belong to scans as the log and the defaults have it."""
+def read_poses(
+    path: str,
+    gap: float,
+    mount: tuple[float, float, float] | None = None,
+    offset: float = 0.0,
+    quaternion: Order | None = None,
+) -> GivenPoses:
+    """Read the poses of a file, which belong to scans as :class:`GivenPoses` says."""
     trajectory = read_pose_file(path, quaternion, "readings.pose_quaternion")
-    return GivenPoses(trajectory, "standard input" if path == STREAM else path)
+    return GivenPoses(trajectory, "standard input" if path == STREAM else path, gap, mount, offset)
 
 
 def placed(readings: Readings, poses: GivenPoses) -> Readings:

@@ -10,8 +10,8 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from prf.model.domain import LARGEST_RANGE
 from prf.model.laser import unit_vectors
-from prf.model.window import LARGEST_RANGE
 from prf.readings.text import FloatArray, IntArray, check_domains
 from prf.shell.cli.pictures import card
 from prf.shell.errors import ConfigError, InputError

@@ -10,7 +10,6 @@ from prf.readings.readings import Readings
 from prf.readings.text import FloatArray
 from prf.shell.errors import ConfigError, InputError
 
-CONE = 0.349  # radians. Full opening angle of a sonar whose log has none: 20 degrees
 QUARTER_DEGREES = (400, 401)  # beams of a scan over 100 degrees in steps of a quarter of a degree
 
 _LEFT_FRONT = ((0.115, 0.130, 1.5708), (0.155, 0.115, 0.8727), (0.190, 0.080, 0.5236), (0.210, 0.025, 0.1745))

@@ -13,8 +13,8 @@ import os
 
 import numpy as np
 
+from prf.model.sensors import CONE
 from prf.readings.readings import Kind, LogNotes, Readings, ScanTable, beam_numbers
-from prf.readings.robot import CONE
 from prf.readings.text import MEND, FloatArray, IntArray, Rows, column_names, content_lines, read_rows
 from prf.shell.cli.files import open_output
 from prf.shell.errors import InputError

@@ -28,7 +28,6 @@ from prf.shell.errors import ConfigError, InputError
 
 Floats = NDArray[np.float64]
 
-BEAM_DENSITY = 16.0  # beams a square metre of seen ground, by default
 WORTH_IT = 0.75  # a log is used whole, and exactly, where thinning would keep more than this share of it
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
@@ -47,7 +46,7 @@ GAINS = (16, 4, 1)
 
 
 def thin_beams(
-    window: Window, origin: Floats, angle: Floats, ranges: Floats, max_range: float, density: float = BEAM_DENSITY
+    window: Window, origin: Floats, angle: Floats, ranges: Floats, max_range: float, density: float
 ) -> NDArray[np.int64]:
     """Return the beams to keep, by index and in their order.
 

@@ -19,7 +19,7 @@ import numpy as np
 import shapely
 from numpy.typing import ArrayLike, NDArray
 
-from prf.configuration import Configuration, flat_name
+from prf.configuration import Configuration
 from prf.kernels.score.occupancy import Cells, update_beams, update_cones
 from prf.kernels.state.grid import Grid, most_cells
 from prf.model.laser import unit_vectors, window_exit
@@ -30,7 +30,6 @@ from prf.readings.describe import default_max_range
 from prf.readings.ground import chosen_window
 from prf.results import PosteriorImage
 from prf.shell.cli.files import open_input
-from prf.shell.cli.settings import Loaded
 from prf.shell.cli.storage import damaged, jsonable, load_arrays, save_arrays, take_array
 from prf.shell.errors import ConfigError, InputError, UsageError
 
@@ -205,8 +204,6 @@ def _check(file: Path, grid: OccupancyGrid) -> None:
         raise damaged(file, f"origin {grid.origin.tolist()}, resolution {grid.resolution}")
 
 
-USED = ("prior.window", "laser.max_range", "sonar.max_range", "sonar.cone", "readings.", "grid.")
-"""What a grid takes of a configuration: its inverse models share no other parameter with the sensors' densities."""
 SETTINGS = (
     *("method", "resolution", "window", "max_range", "no_return", "hit_probability", "miss_probability", "clamp"),
     *("sonar_max_range", "sonar_cone", "sonar_thickness", "topic", "sonar_topic", "frame"),
@@ -249,11 +246,6 @@ def grid_settings(config: Configuration) -> dict[str, Any]:
     """Return the settings that a GRID is built by, as its file has them."""
     flat = {**config.flat(), **config.grid.model_dump()}
     return {name: flat[name] for name in SETTINGS}
-
-
-def grid_sources(loaded: Loaded[Configuration]) -> dict[str, str]:
-    """Return what has set which value of a grid's settings."""
-    return {flat_name(place): source for place, source in loaded.sources.items() if place.startswith(USED)}
 
 
 def _rays(readings: Readings | None, kind: Kind, config: Configuration, max_range: float | None) -> Readings:

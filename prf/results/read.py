@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from prf.model.coloring import Coloring, Draws
-from prf.model.window import LARGEST_COORDINATE, Window
+from prf.model.domain import LARGEST_COORDINATE
+from prf.model.window import Window
 from prf.poses.posterior import Trajectory
 from prf.readings import PointTable, Readings
 from prf.results import names

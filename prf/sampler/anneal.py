@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from prf.configuration import Start
+from prf.configuration import Cooling, Start
 from prf.kernels import constants as c
 from prf.kernels.state.chain import Chain
 from prf.model.coloring import Coloring
@@ -25,33 +25,18 @@ from prf.sampler.driver import StopRule, rounds
 from prf.sampler.poses import PoseTurns
 from prf.sampler.posterior import Settings
 from prf.sampler.record import Record
-from prf.shell.errors import ConfigError
 
+COOLING = Cooling()
 FROZEN = 1e12
 """Inverse temperature at which no step that loses anything is taken, whatever its proposal ratio."""
 
 
-@dataclasses.dataclass(frozen=True)
-class Schedule:
-    """How the temperature falls with the share of the work that is done."""
-
-    warm: float = 0.3  # share at temperature 1: the chain samples the posterior and finds its way
-    polish: float = 0.15  # share at temperature 0, at the end: only what is better is taken
-    coldest: float = 0.003  # temperature before that; between, the logarithm falls evenly
-
-    def __post_init__(self) -> None:
-        """Refuse a schedule that does not cool."""
-        if min(self.warm, self.polish) < 0.0 or self.warm + self.polish >= 1.0:
-            raise ConfigError("annealing: the shares of warm and polish must not be negative, and leave time to cool")
-        if not 0.0 < self.coldest < 1.0:
-            raise ConfigError(f"anneal.coldest {self.coldest}: must lie between 0 and 1")
-
-    def inverse_temperature(self, share: float) -> float:
-        """Return 1 / T when `share` of the work is done."""
-        if share >= 1.0 - self.polish:
-            return FROZEN
-        cooled = max(0.0, share - self.warm) / (1.0 - self.warm - self.polish)
-        return float(self.coldest**-cooled)
+def inverse_temperature(cooling: Cooling, share: float) -> float:
+    """Return 1 / T when `share` of the work is done; between warm and polish the logarithm of T falls evenly."""
+    if share >= 1.0 - cooling.polish:
+        return FROZEN
+    cooled = max(0.0, share - cooling.warm) / (1.0 - cooling.warm - cooling.polish)
+    return float(cooling.coldest**-cooled)
 
 
 class Annealed(NamedTuple):
@@ -106,23 +91,22 @@ def anneal(
     settings: Settings,
     generators: list[np.random.Generator],
     rule: StopRule,
-    schedule: Schedule | None = None,
+    cooling: Cooling = COOLING,
     threads: int = 1,
     starts_from: Start = "empty",
     on_progress: Callable[[Annealed], None] = lambda _: None,
     stop_requested: Callable[[], bool] = lambda: False,
 ) -> Annealed:
     """Cool one chain a generator for the steps or the time of `rule`, and return the best map."""
-    schedule = schedule or Schedule()
     plain = dataclasses.replace(settings, resolution=None, seen=None, tiles=0)
     with Sampler(plain, generators, threads, starts_from=starts_from, kind=CoolingChain) as sampler:
-        share, beta = 0.0, schedule.inverse_temperature(0.0)
+        share, beta = 0.0, inverse_temperature(cooling, 0.0)
         for progress in rounds(sampler, rule, stop_requested):
             share = progress.share
             on_progress(_best_so_far(sampler, share, beta))
             if stop_requested():
                 break
-            beta = schedule.inverse_temperature(share)
+            beta = inverse_temperature(cooling, share)
             for chain in sampler.chains:
                 chain.chain.density[c.INVERSE_TEMPERATURE] = beta
     return _best_so_far(sampler, share, beta)

@@ -121,7 +121,7 @@ def occupied_cost(settings: Settings, n_sites: int) -> float:
     if settings.laser is not None:
         model = settings.laser.model
         peak = 1.0 / (math.sqrt(2.0 * math.pi) * model.noise)
-        total += settings.laser.readings.n_beams * math.log(1.0 + peak * model.max_range / model.outlier_probability)
+        total += settings.laser.readings.n_beams * math.log(1.0 + peak * model.limit / model.outlier_probability)
     if settings.sonar is not None:
         total += NATS_PER_CONE * settings.sonar.readings.n_beams
     return max(LEAST_COST, total / max(n_sites, 1))

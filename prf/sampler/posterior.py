@@ -13,10 +13,11 @@ from prf.kernels.state.build import recompute_sums, trace_all
 from prf.kernels.state.chain import Chain
 from prf.kernels.state.grid import make_grid
 from prf.model.coloring import Coloring, black_at
-from prf.model.laser import LaserModel, make_beams, make_rays
+from prf.model.laser import make_beams, make_rays
 from prf.model.layout import make_graph, make_guards, make_image, make_index, make_proposal, make_sites, make_targets
-from prf.model.points import PointModel, make_points, paint
-from prf.model.sonar import SonarModel, make_cones, make_poses
+from prf.model.points import log_density, make_points, paint
+from prf.model.sensors import LaserModel, PointModel, SonarModel
+from prf.model.sonar import make_cones, make_poses
 from prf.model.window import Window
 from prf.poses.model import PoseModel
 from prf.readings import PointTable, Readings
@@ -85,7 +86,7 @@ class PointData:
         return cls(PointTable(xy, value, np.arange(1, len(value) + 1), "arrays"), model)
 
 
-NO_LASER = LaserData.from_arrays(np.zeros((0, 2)), np.zeros(0), np.zeros(0), LaserModel(1.0))
+NO_LASER = LaserData.from_arrays(np.zeros((0, 2)), np.zeros(0), np.zeros(0), LaserModel(max_range=1.0))
 NO_SONAR = SonarData.from_arrays(np.zeros((0, 2)), np.zeros(0), np.zeros(0), np.zeros(0), SonarModel())
 """Stand for a sensor without readings; its model is of no consequence."""
 
@@ -215,7 +216,7 @@ def painted_points(data: PointData | None, coloring: Coloring) -> Points:
     """Return point observations in the colours of a map."""
     if data is None:
         return make_points(np.zeros((0, 2)), np.zeros((0, 2)))
-    points = make_points(data.table.xy, data.model.log_density(data.table.value))
+    points = make_points(data.table.xy, log_density(data.model, data.table.value))
     paint(points, black_at(coloring, points.column[: Y + 1].T))
     return points
 
@@ -225,7 +226,7 @@ def one_colour_map(settings: Settings) -> Coloring:
     empty = Coloring.empty(settings.window)
     if settings.points is None or settings.laser is not None or settings.sonar is not None:
         return empty
-    white, black = settings.points.model.log_density(settings.points.table.value).sum(axis=0)
+    white, black = log_density(settings.points.model, settings.points.table.value).sum(axis=0)
     return empty._replace(anchor_black=bool(black > white))
 
 
@@ -237,6 +238,6 @@ def white_places(settings: Settings) -> Floats:
 
 def return_points(settings: Settings) -> Floats:
     """Return the impacts of the readings (n, 2), metres: for a sonar on its axis."""
-    sensors = [sensor for sensor in (settings.laser, settings.sonar) if sensor is not None]
-    impacts = [sensor.readings.within(sensor.model.max_range).impacts() for sensor in sensors]
-    return np.concatenate([np.zeros((0, 2)), *impacts])
+    laser, sonar = settings.laser or NO_LASER, settings.sonar or NO_SONAR
+    within = (laser.readings.within(laser.model.limit), sonar.readings.within(sonar.model.max_range))
+    return np.concatenate([readings.impacts() for readings in within])

@@ -11,13 +11,23 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from prf.configuration import Configuration
-from prf.model.domain import check_length
+from prf.configuration import Configuration, ReadingOptions
+from prf.model.points import resolved as resolved_points
 from prf.model.points import window_round
 from prf.model.window import Window
 from prf.poses.model import PoseModel, pose_model
 from prf.poses.start import find_start
-from prf.readings import Kind, PointTable, Readings, read_logs, read_point_data, thin, warn_of_spoiling
+from prf.readings import (
+    GivenPoses,
+    Kind,
+    PointTable,
+    Readings,
+    read_logs,
+    read_point_data,
+    read_poses,
+    thin,
+    warn_of_spoiling,
+)
 from prf.readings.describe import default_max_range
 from prf.readings.ground import chosen_window, driven_way, seen_cells
 from prf.readings.robot import fields_of_view
@@ -27,6 +37,8 @@ from prf.sampler.tempering import AUTO_TEMPERATURES, LadderPlan
 from prf.sampler.tiles.partition import chosen_tiles
 from prf.shell.errors import ConfigError, InputError
 
+DRIVEN_RADIUS = 0.1
+"""Metres. Of the disc that was free all along the way where poses are certain; with uncertain ones nothing is taken."""
 PIXELS_ACROSS = 500
 """The default resolution is the next of 1, 2, 5, 10 ... that needs no more pixels along the longer side."""
 MOST_PIXELS = 4_000_000
@@ -91,9 +103,16 @@ def read_configured(
         frame=config.readings.frame,
         sonar_topic=config.readings.sonar_topic,
         cone=config.sonar.cone,
-        poses=config.readings.trajectory(),
+        poses=given_poses(config.readings),
         odometry=config.trajectory.step_noise is not None,
     )
+
+
+def given_poses(options: ReadingOptions) -> GivenPoses | None:
+    """Read the poses of a file with how they belong to scans; None if there is none."""
+    if options.poses is None:
+        return None
+    return read_poses(options.poses, options.pose_gap, options.pose_mount, options.pose_offset, options.pose_quaternion)
 
 
 def with_poses(logs: Sequence[str], config: Configuration) -> list[str]:
@@ -166,7 +185,7 @@ def prepare(
     assert settings.resolution is not None
     settings = dataclasses.replace(
         settings,
-        way=driven_way(resolved.driven.radius, driven, sensors, window),
+        way=driven_way(resolved.driven.radius or 0.0, driven, sensors, window),
         seen=seen_cells(window, settings.resolution, inside, kept_cones, points),
         poses=None if whole is None else whole.used(rows, cone_rows),
     )
@@ -185,13 +204,15 @@ def _resolved(
         "resolution": config.sampler.resolution or chosen_resolution(window),
         "start": config.sampler.start or ("empty" if beams is None else "grid"),
     }
+    if config.driven.radius is None:
+        changes["driven_radius"] = 0.0 if config.trajectory.is_uncertain else DRIVEN_RADIUS
     if config.sampler.tiles is None:
         is_whole = config.sampler.is_tempered or config.trajectory.is_uncertain
         changes["tiles"] = 0 if is_whole else chosen_tiles(window, n_readings)
     if beams is not None:
         changes["max_range"] = beams.max_range
     if points is not None:
-        model = config.points.model().resolved(points.value)
+        model = resolved_points(config.points, points.value)
         changes |= {"points_kind": model.kind, "points_sigma": model.sigma}
     if changes["start"] == "grid" and beams is None:
         raise ConfigError("sampler.start grid: needs the readings of a laser. Choose another start.")
@@ -214,7 +235,6 @@ def _beams(config: Configuration, readings: Readings) -> Readings:
     max_range = config.laser.max_range or default_max_range(readings)
     if not math.isfinite(max_range):
         raise InputError(f"{readings.source}: no reading has a finite range. Give --max-range.")
-    config.laser.model(max_range)
     return readings.within(max_range)
 
 
@@ -279,18 +299,17 @@ def make_settings(
     assert config.prior.window is not None
     assert config.sampler.resolution is not None
     window, resolution = Window.checked(*config.prior.window), config.sampler.resolution
-    check_length("--resolution", resolution)
     if window.area / resolution**2 > MOST_PIXELS:
         raise ConfigError(f"--resolution {resolution}: more than {MOST_PIXELS} pixels. Give a larger one.")
     return Settings(
         window,
         config.prior.scale,
-        laser=None if beams is None else LaserData(beams, config.laser.model()),
-        sonar=None if cones is None else SonarData(cones, config.sonar.model()),
-        points=None if points is None else PointData(points, config.points.model()),
+        laser=None if beams is None else LaserData(beams, config.laser),
+        sonar=None if cones is None else SonarData(cones, config.sonar),
+        points=None if points is None else PointData(points, config.points),
         resolution=resolution,
         tiles=config.sampler.tiles or 0,
-        driven_radius=config.driven.radius,
+        driven_radius=config.driven.radius or 0.0,
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from prf.kernels.state.build import recompute_sums
-from prf.model.arak import checked_scale, expected_edges, refuse_too_many_edges
+from prf.model.arak import expected_edges, refuse_too_many_edges
 from prf.model.coloring import Coloring, Draws
 from prf.model.layout import read_coloring, run_chain
 from prf.model.window import Window
@@ -26,7 +26,7 @@ def chosen_thin(scale: float, window: Window) -> int:
 def mcmc_draws(scale: float, window: Window, n_draws: int, thin: int | None = None, seed: int = 0) -> tuple[Draws, int]:
     """Draw maps from the Arak prior by one Markov chain from the all white map."""
     refuse_too_many_edges(scale, window, n_draws)
-    settings = Settings(window, checked_scale(scale))
+    settings = Settings(window, scale)
     chain = make_chain(settings, Coloring.empty(window))
     rng = spawn_generators(seed, 1)[0]
     spacing = thin if thin is not None else chosen_thin(scale, window)

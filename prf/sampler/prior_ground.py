@@ -25,6 +25,7 @@ from prf.kernels.state.grid import Grid, most_cells
 from prf.kernels.state.guards import GUARD_BOX, N_SHAPE
 from prf.kernels.step import run
 from prf.model.coloring import Coloring
+from prf.model.laser import beam_influence
 from prf.model.layout import grow, make_guards, make_index
 from prf.readings.ground import way_guards
 from prf.sampler.chain_map import repaint, settle_image
@@ -132,7 +133,7 @@ def influence_of(settings: Settings, chain: Chain) -> Floats:
     ray = chain.beams.ray
     if settings.laser is None:
         return np.zeros(0)
-    return np.asarray(np.minimum(ray[:, c.MAX_DISTANCE], settings.laser.model.influence(ray[:, c.RANGE])))
+    return np.asarray(np.minimum(ray[:, c.MAX_DISTANCE], beam_influence(settings.laser.model, ray[:, c.RANGE])))
 
 
 def closed_cells(settings: Settings, chain: Chain) -> Bools:

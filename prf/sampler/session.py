@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from prf.configuration import IN_MANIFEST, Configuration, Trajectory
+from prf.configuration import IN_MANIFEST, Configuration, PoseOptions
 from prf.kernels import constants as c
 from prf.output.run import Run, read_run
 from prf.readings import log_stem
@@ -188,7 +188,7 @@ class Session:
             arrays += [sonar.origin, sonar.angle, sonar.cone, sonar.range]
         if settings.points is not None:
             arrays += [settings.points.table.xy, settings.points.table.value]
-        flat, poses = self.config.flat(), Trajectory.model_fields
+        flat, poses = self.config.flat(), PoseOptions.model_fields
         kept = {name: value for name, value in flat.items() if name not in poses or value is not None}
         digest = hashlib.sha256(json.dumps([kept, self.seed], sort_keys=True).encode())
         for array in arrays:

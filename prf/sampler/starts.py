@@ -130,7 +130,7 @@ def _occupied_region(window: Window, laser: LaserData, chosen: NDArray[np.bool_]
         np.zeros(4),
         np.empty(most_cells(grid), np.int32),
     )
-    hit = laser.readings.select(chosen & (laser.readings.range < laser.model.max_range))
+    hit = laser.readings.select(chosen & (laser.readings.range < laser.model.limit))
     direction = unit_vectors(hit.angle)
     length = np.minimum(hit.range, window_exit(window, hit.origin, direction))
     segments = np.ascontiguousarray(np.hstack([hit.origin, hit.origin + length[:, None] * direction]))

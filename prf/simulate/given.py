@@ -20,7 +20,7 @@ def given_scans(
     """Return scans at the poses that a robot would write down, drawn from the model that `prf sample` assumes.
 
     `noise`: standard deviations of independent errors, metres and radians. `odometry`: the four numbers of
-    :data:`prf.poses.model.ODOMETRY`; steps from scan to scan, each with its error, add up from the true first pose on.
+    :data:`prf.configuration.ODOMETRY`; steps from scan to scan, each with its error, add up from the true first pose.
     """
     steps = (NO_STEPS, NO_STEPS)
     if odometry is not None:

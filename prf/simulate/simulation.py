@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from prf.configuration import Simulate
+from prf.configuration import SimulationOptions
 from prf.model.domain import check_length
 from prf.model.window import Window
 from prf.readings.robot import PIONEER, mounted
@@ -77,7 +77,7 @@ class SimulateConfig:
         return len(PIONEER) if self.sonar is not None else self.laser.beams if self.laser is not None else 0
 
 
-def config_of(settings: Simulate, world: str, laser: bool, sonar: bool, **options: Any) -> SimulateConfig:
+def config_of(settings: SimulationOptions, world: str, laser: bool, sonar: bool, **options: Any) -> SimulateConfig:
     """Return what settings and options ask for; UsageError for an option that has no effect in this world.
 
     `laser`, `sonar`: whether the robot has them. `options`: other fields of :class:`SimulateConfig`; None: the default.

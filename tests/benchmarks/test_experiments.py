@@ -20,7 +20,7 @@ from benchmarks.contours import contour_polygons, write_contours
 from benchmarks.unseen_sets import Map
 from mapq.labels import PLAUSIBLE, SUSPICIOUS, UNLABELLED
 from mapq.results.judged import Judged
-from prf.model.sonar import SonarModel
+from prf.model.sensors import SonarModel
 from prf.readings import Readings, read_readings
 from prf.results import write_run
 from prf.results.occupancy import OccupancyGrid

@@ -12,8 +12,9 @@ from scipy import integrate
 
 from prf.kernels.step import run
 from prf.model.coloring import Coloring
-from prf.model.laser import LaserModel
+from prf.model.laser import laser_array
 from prf.model.layout import grow
+from prf.model.sensors import LaserModel
 from prf.model.window import Window
 from prf.sampler.posterior import Settings, make_chain
 from tests.kernels.entries import decide_early, log_likelihoods
@@ -36,7 +37,7 @@ def model_of(sensor: Sensor) -> LaserModel:
 def kernel(sensor: Sensor, readings: np.ndarray, d: float) -> np.ndarray:
     readings = np.atleast_1d(np.asarray(readings, float))
     found = np.empty(len(readings))
-    log_likelihoods(model_of(sensor).to_array(), readings, np.full(len(readings), d), found)
+    log_likelihoods(laser_array(model_of(sensor)), readings, np.full(len(readings), d), found)
     return found
 
 

@@ -14,7 +14,7 @@ from prf.kernels.readings.sonar import OUTLIER_SHORT, OUTLIER_UNIFORM
 from prf.model.arak import exact_draws
 from prf.model.coloring import Coloring, black_at
 from prf.model.coloring.polygons import from_polygons
-from prf.model.sonar import make_poses, make_sight
+from prf.model.sonar import make_poses, make_sight, sonar_array
 from prf.model.window import INTERIOR, Window
 from tests.kernels.entries import see_all, sonar_table
 from tests.reference import slow_sonar as slow
@@ -50,7 +50,7 @@ def found_features(sight: v.Sight) -> list[Feature]:
 
 def likelihoods(ring: Ring, sight: v.Sight, readings: np.ndarray, reach: float | None = None) -> np.ndarray:
     found = np.empty(len(readings))
-    sonar_table(model_of(ring).to_array(), sight, readings, ring.max if reach is None else reach, found)
+    sonar_table(sonar_array(model_of(ring)), sight, readings, ring.max if reach is None else reach, found)
     return found
 
 
@@ -304,7 +304,7 @@ def test_walls_in_line_with_the_sonar_leave_no_gap() -> None:
 
 def test_what_neither_pulse_nor_outlier_explains_is_impossible() -> None:
     """An empty room, and no share of stray readings, which settings do not allow."""
-    model = model_of(Ring()).to_array()
+    model = sonar_array(model_of(Ring()))
     model[[OUTLIER_UNIFORM, OUTLIER_SHORT]] = 0.0
     sight, _ = see(Coloring.empty(ROOM), AHEAD, Ring())
     found = np.empty(2)

@@ -7,7 +7,8 @@ import itertools
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-from prf.poses.model import ODOMETRY, pose_model
+from prf.configuration import ODOMETRY
+from prf.poses.model import pose_model
 from prf.poses.plane import compose
 from prf.readings import LogNotes, Readings, ScanTable
 from prf.simulate.laser import LaserPhysics, simulate_laser

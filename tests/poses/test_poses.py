@@ -7,11 +7,11 @@ import dataclasses
 import numpy as np
 import pytest
 
-from prf.configuration import load_configuration
+from prf.configuration import ODOMETRY, Configuration
 from prf.poses.graph import Pull, Relations, derivatives, errors, root_of
 from prf.poses.loops import LoopMatch, _settled
 from prf.poses.match import CELL, LEVER, place_of, search
-from prf.poses.model import ODOMETRY, pose_model
+from prf.poses.model import pose_model
 from prf.poses.plane import compose, seen_from, wrapped
 from prf.poses.posterior import Trajectory, pose_functionals
 from prf.poses.start import find_start, find_trajectory
@@ -55,7 +55,7 @@ def test_a_loop_of_odometry_is_closed():
 def test_chains_start_as_all_readings_have_it_however_few_are_used():
     noise = (0.15, 0.03)
     given = TRUTH + np.random.default_rng(3).normal(size=TRUTH.shape) * [noise[0], *noise]
-    config = load_configuration({"pose_noise": noise, "assignments": ["thinning.beam_density=4.0"]}).settings
+    config = Configuration.of(pose_noise=noise, beam_density=4.0)
     settings = prepare(config, readings_at(ROOM, TRUTH, given)).settings
     assert settings.laser.readings.n_beams < 15 * len(TRUTH)
     model = settings.poses

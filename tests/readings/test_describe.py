@@ -6,7 +6,7 @@ import logging
 import numpy as np
 import pytest
 
-from prf.model.sonar import SonarModel
+from prf.model.sensors import SonarModel
 from prf.readings import describe
 from prf.readings.carmen import read_carmen
 from prf.readings.describe import default_max_range, find_spoiling, warn_of_spoiling

@@ -9,8 +9,8 @@ import shapely
 from prf.configuration import Configuration
 from prf.kernels.state.guards import GUARD_WAY
 from prf.model.coloring import Coloring, violations
-from prf.model.laser import LaserModel
 from prf.model.layout import make_guards
+from prf.model.sensors import LaserModel
 from prf.model.window import Window
 from prf.readings import Readings
 from prf.readings.ground import LONGEST_JOIN, STRAIGHT, cleared, sensor_tracks, way_guards, way_of, ways_near

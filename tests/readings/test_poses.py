@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -34,7 +32,7 @@ def scans_of(path, file, **how):
         path,
         topic=how.pop("topic", None),
         frame=how.pop("frame", None),
-        poses=replace(read_poses(file, how.pop("quaternion", None)), **how),
+        poses=read_poses(file, **{"gap": 2.0, **how}),
     )
     return readings, readings.notes.scans.pose
 

@@ -78,7 +78,7 @@ def test_scans_of_a_drifting_log_with_the_poses_of_the_corrected_one(carmen, tmp
     np.savetxt(tmp_path / "tum", np.column_stack([time, pose[:, :2], *[zero] * 3, np.sin(half), np.cos(half)]))
     np.savetxt(tmp_path / "csv", np.column_stack([time, pose]), delimiter=",", header="t,x,y,theta", comments="")
     for file in ("tum", "csv"):
-        found = read_readings(log, poses=read_poses(str(tmp_path / file)))
+        found = read_readings(log, poses=read_poses(str(tmp_path / file), 2.0))
         np.testing.assert_allclose(found.origin, right.origin, atol=1e-12)
         np.testing.assert_allclose(np.exp(1j * found.angle), np.exp(1j * right.angle), atol=1e-12)
 

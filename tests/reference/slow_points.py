@@ -10,7 +10,7 @@ from scipy.optimize import minimize
 from scipy.special import expit
 
 from prf.model.coloring import Coloring, black_at
-from prf.model.points import PointModel
+from prf.model.sensors import PointModel
 from prf.sampler.posterior import PointData
 
 

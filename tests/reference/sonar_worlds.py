@@ -10,7 +10,7 @@ import shapely
 
 from prf.model.coloring import Coloring
 from prf.model.coloring.polygons import from_polygons
-from prf.model.sonar import SonarModel
+from prf.model.sensors import SonarModel
 from prf.model.window import Window
 from prf.sampler.posterior import SonarData
 from tests.reference.slow_sonar import Cone, Floats, Ring, draw_reading, features, reach_in

@@ -9,7 +9,7 @@ import numpy as np
 
 from prf.model.arak import exact_draws
 from prf.model.coloring import Coloring, black_at
-from prf.model.laser import LaserModel
+from prf.model.sensors import LaserModel
 from prf.model.window import Window
 from prf.sampler.posterior import LaserData
 from tests.reference.beams import Sensor, draw_readings, impacts

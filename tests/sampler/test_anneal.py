@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-import dataclasses
 import itertools
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from prf.configuration import Cooling
 from prf.kernels import constants as c
 from prf.model.coloring import Coloring, occupied_polygons, violations
 from prf.model.window import Window
-from prf.sampler.anneal import Annealed, Schedule, anneal
+from prf.sampler.anneal import Annealed, anneal, inverse_temperature
 from prf.sampler.driver import StopRule
 from prf.sampler.posterior import Settings, make_chain
 from prf.shell.cli.provenance import spawn_generators
-from prf.shell.errors import ConfigError
+from prf.shell.errors import ArgumentError
 from tests.reference.beams import Sensor
 from tests.reference.worlds import World, draw_world, office
 
@@ -60,7 +60,7 @@ class TestAnneal:
 
     def test_it_beats_what_sampling_meets(self, settings: Settings, annealed: Annealed) -> None:
         """The negative control: the same steps without cooling."""
-        warm = anneal(settings, spawn_generators(1, 3), StopRule(STEPS), Schedule(warm=0.999, polish=0.0), threads=2)
+        warm = anneal(settings, spawn_generators(1, 3), StopRule(STEPS), Cooling(warm=0.999, polish=0.0), threads=2)
         assert warm.score < annealed.score
 
     def test_threads_change_nothing(self, settings: Settings) -> None:
@@ -86,18 +86,18 @@ class TestAnneal:
         assert found.best.n_vertices < 300, "splinters: the mode over vertices, not over lines"
 
 
-class TestSchedule:
+class TestCooling:
     def test_temperature_falls_from_one_to_nothing(self) -> None:
-        schedule = Schedule()
-        temperatures = [1.0 / schedule.inverse_temperature(share) for share in np.linspace(0.0, 1.0, 101)]
+        cooling = Cooling()
+        temperatures = [1.0 / inverse_temperature(cooling, share) for share in np.linspace(0.0, 1.0, 101)]
         assert temperatures[0] == temperatures[29] == 1.0
         assert all(later <= before for before, later in itertools.pairwise(temperatures))
-        assert min(t for t in temperatures if t > 1e-9) >= schedule.coldest
+        assert min(t for t in temperatures if t > 1e-9) >= cooling.coldest
         assert temperatures[-1] < 1e-9
 
     @pytest.mark.parametrize(
         "wrong", [{"coldest": 0.0}, {"coldest": 2.0}, {"warm": 0.9, "polish": 0.2}, {"warm": -0.1}]
     )
     def test_what_does_not_cool_is_refused(self, wrong: dict[str, float]) -> None:
-        with pytest.raises(ConfigError):
-            dataclasses.replace(Schedule(), **wrong)
+        with pytest.raises(ArgumentError):
+            Cooling(**wrong)

@@ -15,8 +15,9 @@ from prf.kernels.state.build import recompute_sums
 from prf.kernels.state.chain import Chain
 from prf.kernels.state.grid import Grid
 from prf.model.coloring import Coloring, Draws, black_at, violations
-from prf.model.laser import LaserModel
+from prf.model.laser import beam_influence
 from prf.model.layout import pixel_centres, read_coloring, run_chain
+from prf.model.sensors import LaserModel
 from prf.model.window import Window
 from prf.sampler import Sampler, mcmc_draws
 from prf.sampler.chain import ChainSampler
@@ -236,7 +237,7 @@ def test_closed_cells_hold_all_that_a_reading_may_concern() -> None:
     chain = make_chain(settings, Coloring.empty(ROOM))
     assert settings.laser is not None
     laser, model = settings.laser, settings.laser.model
-    influence = np.minimum(model.influence(laser.readings.range), model.max_range)
+    influence = np.minimum(beam_influence(model, laser.readings.range), model.max_range)
     tips = laser.readings.origin + influence[:, None] * np.column_stack(
         [np.cos(laser.readings.angle), np.sin(laser.readings.angle)]
     )

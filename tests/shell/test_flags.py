@@ -80,7 +80,7 @@ def test_the_verb_is_given_one_settings_object() -> None:
 
 def test_what_cannot_be_used_is_named_by_its_flag() -> None:
     assert isinstance(error := called("--radius", "-1").exception, ConfigError)
-    assert str(error) == "--radius = -1.0: must be greater than 0."
+    assert str(error) == "--radius = -1.0: must be above 0, in m."
     assert str(called("--kind", "thick").exception) == "--kind: a thick lens needs a radius."
     assert str(called("--set", "lens.turms=1").exception).startswith("--set lens.turms: there is no such key. Did")
 
@@ -91,7 +91,7 @@ def test_what_the_verb_does_not_read_is_refused() -> None:
 
 
 def test_tables_made_in_python_name_the_keyword() -> None:
-    with pytest.raises(ValueError, match=r"^radius = -1\.0: must be greater than 0\.$") as caught:
+    with pytest.raises(ValueError, match=r"^radius = -1\.0: must be above 0, in m\.$") as caught:
         Lens(radius=-1.0)
     assert isinstance(caught.value, ArgumentError)
     with pytest.raises(ArgumentError, match=r"^kind: a thick lens needs a radius\.$"):

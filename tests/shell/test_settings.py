@@ -78,15 +78,18 @@ def test_an_unusual_combination_is_judged_as_a_whole(file: Path) -> None:
         ("[laser]\nnoise = nan\n", "must be a finite number"),
         ("[prior]\nwindow = [0, 0, 1]\n", ": [prior] window"),
         ("[prior]\nwindow = [0, 0, 1, -1]\n", "needs X0 < X1 and Y0 < Y1"),
-        ("[prior]\nscale = 0\n", ": [prior] scale 0.0: must be a finite number above 0"),
-        ("[laser]\nmax_range = -1\nnoise = 1\n", ": [laser] max_range -1.0: must be a positive number"),
-        ("[sonar]\nnoise = 1\nshort_length = 0\n", ": [sonar] short_length 0.0: must be a positive number"),
-        ("sonar.cone = 4\n", ": [sonar] cone 4.0: must lie between 0 and pi"),
-        ("[sonar]\nuniform_probability = 0.6\nshort_probability = 0.6\n", "their sum must stay below 1"),
+        ("[prior]\nscale = 0\n", ": [prior] scale = 0: must be above 0, in 1/m."),
+        ("[laser]\nmax_range = -1\nnoise = 1\n", ": [laser] max_range = -1: must be at least 1e-09, in m."),
+        ("[sonar]\nnoise = 1\nshort_length = 0\n", ": [sonar] short_length = 0: must be at least 1e-09, in m."),
+        ("sonar.cone = 4\n", ": [sonar] cone = 4: must be below 3.14159, in rad."),
+        (
+            "[sonar]\nuniform_probability = 0.6\nshort_probability = 0.6\n",
+            ": [sonar] short_probability: short and uniform probability must sum to less than 1.",
+        ),
         ("[points]\nkind = 'normal'\n", "must be 'gaussian' or 'binary'."),
         ("[points]\nmean_black = 3\nmean_white = 3\n", "are both 3.0"),
-        ("[thinning]\nbeam_density = -1\n", ": [thinning] beam_density = -1: must be greater than or equal to 0."),
-        ("[sampler]\ntemperatures = 3\ntiles = 4\n", ": [sampler] tiles 4: tempered chains have none"),
+        ("[thinning]\nbeam_density = -1\n", ": [thinning] beam_density = -1: must be at least 0, in 1/m²."),
+        ("[sampler]\ntemperatures = 3\ntiles = 4\n", ": [sampler] tiles: tempered chains have no tiles"),
         ("[sonar\n", ": not valid TOML"),
         ("preset = 'kinect'\n", ": preset: there is no preset 'kinect'"),
         ("preset = 3\n", "must be the name of a preset"),
@@ -104,7 +107,7 @@ def test_what_cannot_be_used_is_named_with_its_place(file: Path, text: str, word
 
 
 def test_flags_and_presets_are_named_as_they_are_given() -> None:
-    with pytest.raises(ConfigError, match=r"^--noise -1\.0: must be a positive"):
+    with pytest.raises(ConfigError, match=r"^--noise = -1\.0: must be at least 1e-09, in m\."):
         load(Configuration, flags={"laser.noise": -1.0})
     with pytest.raises(ConfigError, match=r"^--set laser\.noise = \"x\": must be"):
         load(Configuration, assignments=("laser.noise=x",))

@@ -10,12 +10,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from prf.poses.model import ODOMETRY, PosePrior, step_spread
+from prf.configuration import ODOMETRY
+from prf.model.sensors import CONE
+from prf.poses.model import PosePrior, step_spread
 from prf.poses.plane import seen_from, wrapped
 from prf.readings import read_readings
 from prf.readings.carmen import read_carmen
 from prf.readings.describe import default_max_range
-from prf.readings.robot import CONE, PIONEER, mounted
+from prf.readings.robot import PIONEER, mounted
 from prf.readings.table import read_table
 from prf.shell.errors import ConfigError
 from prf.shell.poses.files import read_pose_file

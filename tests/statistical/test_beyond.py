@@ -15,8 +15,9 @@ from scipy import stats
 from prf.kernels import constants as c
 from prf.model.coloring import Coloring, black_at_draws
 from prf.model.coloring.polygons import from_polygons, occupied_polygons
-from prf.model.laser import LaserModel, make_rays
-from prf.model.sonar import SonarModel, make_poses
+from prf.model.laser import make_rays
+from prf.model.sensors import LaserModel, SonarModel
+from prf.model.sonar import make_poses
 from prf.model.window import Window
 from prf.sampler import Sampler, posterior
 from prf.sampler.posterior import LaserData, Settings, SonarData

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 import prf.sampler.tiles.partition as schedule
 from prf.model.arak import exact_draws
 from prf.model.coloring import Coloring, Draws, black_areas, black_at, black_at_draws
+from prf.model.points import log_density
 from prf.model.window import Window
 from prf.sampler.posterior import PointData, Settings, SonarData
 from tests.reference.beams import Sensor
@@ -172,7 +173,7 @@ CASES = {"gaussian, scattered": Case(Normal(sigma=0.8), False), "binary, lattice
 
 def point_values(draws: Draws, data: PointData) -> NDArray[np.float64]:
     """Numbers of each map, (n_draws, len(POINT_NAMES))."""
-    density = data.model.log_density(data.table.value)
+    density = log_density(data.model, data.table.value)
     told = np.where(black_at_draws(draws, data.table.xy), density[:, 1], density[:, 0]).sum(axis=1)
     return np.column_stack([draws.n_edges, draws.total_length(), black_areas(draws), told])
 

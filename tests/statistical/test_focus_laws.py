@@ -13,8 +13,8 @@ from prf.kernels.state.build import recompute_sums
 from prf.kernels.state.chain import Chain
 from prf.model.arak import exact_draws
 from prf.model.coloring import Coloring, Draws, black_at
-from prf.model.laser import LaserModel
 from prf.model.layout import make_graph, make_targets, read_coloring
+from prf.model.sensors import LaserModel
 from prf.model.window import Window
 from prf.sampler import targets as focusing
 from prf.sampler.chain_map import with_graph

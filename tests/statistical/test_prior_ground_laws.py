@@ -15,8 +15,8 @@ from prf.kernels import constants as c
 from prf.kernels.state.build import recompute_sums
 from prf.model.arak import exact_draws
 from prf.model.coloring import Coloring, Draws, black_at_draws
-from prf.model.laser import LaserModel
 from prf.model.layout import make_graph, read_coloring, run_chain
+from prf.model.sensors import LaserModel
 from prf.model.window import INTERIOR, Window
 from prf.sampler.chain import ChainSampler
 from prf.sampler.chain_map import with_graph

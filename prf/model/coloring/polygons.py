@@ -11,7 +11,8 @@ from shapely.geometry.polygon import orient
 
 from prf.model.coloring.graph import Coloring, black_at
 from prf.model.coloring.validity import check
-from prf.model.window import BOTTOM, INTERIOR, LARGEST_COORDINATE, LEFT, RIGHT, SIDES, TOP, Window
+from prf.model.domain import LARGEST_COORDINATE
+from prf.model.window import BOTTOM, INTERIOR, LEFT, RIGHT, SIDES, TOP, Window
 from prf.shell.errors import InputError
 
 SNAP = 1e-9  # share of the window's extent within which a vertex that clipping computed is put on the side: GEOS rounds

@@ -1,7 +1,7 @@
 """How well a map predicts readings that it was not made from (docs/scores.md)."""
 
 from prf.results.geojson import OccupiedArea, read_occupied_area
-from prf.results.score.heldout import SCORE_DEFAULTS, HeldOut, HeldOutSonar, hold_out, hold_out_sonar
+from prf.results.score.heldout import HeldOut, HeldOutSonar, hold_out, hold_out_sonar
 from prf.results.score.maps import DrawsMap, GridMap, PolygonMap, ScoredMap, open_map
 from prf.results.score.score import (
     LabelledPoints,
@@ -13,7 +13,6 @@ from prf.results.score.score import (
 )
 
 __all__ = [
-    "SCORE_DEFAULTS",
     "DrawsMap",
     "GridMap",
     "HeldOut",

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -13,8 +11,9 @@ from numpy.typing import NDArray
 from prf.configuration import Configuration
 from prf.kernels.readings.cones import READING
 from prf.kernels.readings.sonar_features import POSE_X, POSE_Y
-from prf.model.laser import LaserModel, unit_vectors, window_exit
-from prf.model.sonar import SonarModel, make_poses
+from prf.model.laser import unit_vectors, window_exit
+from prf.model.sensors import LaserModel, SonarModel
+from prf.model.sonar import make_poses
 from prf.model.window import Window
 from prf.poses.model import LocalReadings, pose_model
 from prf.readings import Readings, thin
@@ -24,10 +23,6 @@ from prf.shell.errors import InputError
 
 Floats = NDArray[np.float64]
 
-SCORE_DEFAULTS: Mapping[str, float] = MappingProxyType(
-    {"laser.noise": 0.05, "laser.noise_relative": 0.0, "laser.miss_probability": 0.0}
-)
-"""Of a configuration by which maps are scored, where they differ from those of a sampler."""
 SQUARE = 0.2  # side in metres of the squares that every kind of map is evaluated on: a point on a wall has no colour
 CLIP = 1e-3  # probabilities are kept so far from 0 and 1 before their logarithm is taken
 OUTSIDE = 0.5  # probability of a point that a map does not know
@@ -101,7 +96,7 @@ class HeldOut(NamedTuple):
 
     def rays(self, window: Window | None) -> Floats:
         """Return the (n, 5) rays of the kernels; they reach to the maximum range, or where they leave the window."""
-        reach = np.full(len(self.range), self.model.max_range)
+        reach = np.full(len(self.range), self.model.limit)
         if window is not None:
             reach = np.minimum(reach, window_exit(window, self.origin, self.direction))
         return np.ascontiguousarray(np.column_stack([self.origin, self.direction, reach]))
@@ -118,7 +113,7 @@ def hold_out(readings: Readings, config: Configuration) -> HeldOut:
     max_range = default_max_range(readings) if config.laser.max_range is None else config.laser.max_range
     if not math.isfinite(max_range):
         raise InputError(f"{readings.source}: no reading has a finite range. There is nothing to score.")
-    model = config.laser.model(max_range)
+    model = config.laser.replace(max_range=max_range)
     kept = thin(readings, **config.readings.selection())
     returned = kept.range < max_range
     if not returned.any():
@@ -162,6 +157,6 @@ class HeldOutSonar(NamedTuple):
 
 def hold_out_sonar(readings: Readings, config: Configuration) -> HeldOutSonar:
     """Return the readings of a whole log to score."""
-    kept, model = thin(readings, **config.readings.selection()), config.sonar.model()
+    kept, model = thin(readings, **config.readings.selection()), config.sonar
     view = fields_of_view(kept, config.sonar.cone)
     return HeldOutSonar(make_poses(model, kept.origin, kept.angle, view, kept.range), model)

@@ -17,7 +17,9 @@ from shapely.geometry.base import BaseGeometry
 from prf.kernels.score.laser import add_densities, grid_beams
 from prf.kernels.score.sonar import Scene, add_sonar_densities, grid_cones
 from prf.model.coloring import Coloring, Draws, black_at_draws
-from prf.model.laser import LaserModel
+from prf.model.laser import laser_array
+from prf.model.sensors import LaserModel
+from prf.model.sonar import sonar_array
 from prf.model.window import Window
 from prf.results import PosteriorImage, estimate, names, read_run_data
 from prf.results.geojson import OccupiedArea, area_of_cells, read_occupied_area
@@ -102,11 +104,11 @@ class PolygonalMaps(ABC):
     def _density(self, model: LaserModel, rays: Floats, readings: Floats, black: Bools) -> Floats:
         window, total = self._box(model, rays), np.zeros(len(rays))
         for segments, occupied in zip(self._segments(), black, strict=True):
-            add_densities(model.to_array(), readings, first_edges(rays, segments, window), occupied, total)
+            add_densities(laser_array(model), readings, first_edges(rays, segments, window), occupied, total)
         return total / self.n_draws
 
     def _box(self, model: LaserModel, rays: Floats) -> Window:
-        return self.window or enclosing_window(rays[:, :2], model.max_range, self.region)
+        return self.window or enclosing_window(rays[:, :2], model.limit, self.region)
 
     def predict_sonar(self, cones: HeldOutSonar) -> tuple[dict[str, Floats], float]:
         """Return the density (n,) of each sonar reading, 1/m, averaged over maps, for no return its probability.
@@ -114,7 +116,7 @@ class PolygonalMaps(ABC):
         It is by the name of the way to find it, "" being the only one. Beside it the share of pairs of a draw and a
         reading in which the sensor is in occupied space.
         """
-        model, black = cones.model.to_array(), self._black(cones.origin)
+        model, black = sonar_array(cones.model), self._black(cones.origin)
         total = np.zeros(len(cones.pose))
         for scene, occupied in zip(self._scenes(cones), black, strict=True):
             add_sonar_densities(scene, model, cones.pose, occupied, total)
@@ -236,7 +238,7 @@ class GridMap:
     def _beams(self, model: LaserModel, rays: Floats, readings: Floats) -> tuple[Floats, Floats]:
         density, distance = np.empty(len(rays)), np.empty(len(rays))
         occupancy = self.grid.occupancy.astype(np.float64)
-        grid_beams(self.grid.cells, occupancy, model.to_array(), BIN, rays, readings, density, distance)
+        grid_beams(self.grid.cells, occupancy, laser_array(model), BIN, rays, readings, density, distance)
         return density, distance
 
     def predict_sonar(self, cones: HeldOutSonar) -> tuple[dict[str, Floats], float]:
@@ -246,7 +248,7 @@ class GridMap:
         occupancy, model = self.grid.occupancy.astype(np.float64), cones.model
         # A cell returns the pulse as surely as a wall at no distance, face on.
         stray = 1.0 / (1.0 + math.exp(model.surface_bias))
-        grid_cones(self.grid.cells, occupancy, model.to_array(), stray, BIN, cones.pose, first_hit)
+        grid_cones(self.grid.cells, occupancy, sonar_array(model), stray, BIN, cones.pose, first_hit)
         return {"contours": contours[""], "first_hit": first_hit}, share_occupied
 
     def occupied(self, xy: Floats, square: float) -> Floats:

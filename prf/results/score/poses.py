@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
+from prf.model.laser import beam_influence
 from prf.results.score.heldout import HeldOut
 from prf.results.score.maps import ScoredMap
 from prf.shell.cli.progress import progress
@@ -111,11 +112,11 @@ def scan_log_densities(one: ScoredMap, beams: HeldOut, poses: Floats) -> Floats:
     assert beams.poses is not None
     assert moved.censored is not None
     inside = _inside(one, moved)
-    density = np.where(moved.censored, 1.0, moved.model.outlier_probability / moved.model.max_range)
+    density = np.where(moved.censored, 1.0, moved.model.outlier_probability / moved.model.limit)
     known = moved.select(inside)
     rays = known.rays(one.window)
     readings = known.readings(rays)
-    rays[:, 4] = np.minimum(rays[:, 4], moved.model.influence(readings))  # what is beyond changes no density
+    rays[:, 4] = np.minimum(rays[:, 4], beam_influence(moved.model, readings))  # what is beyond changes no density
     density[inside] = one.density(moved.model, rays, readings)
     scan = np.arange(len(poses))[:, None] * poses.shape[1] + beams.poses.local.owner
     total = np.bincount(scan.ravel(), np.log(density), poses.shape[0] * poses.shape[1])

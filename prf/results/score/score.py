@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from prf.kernels.readings.sonar_features import BORDER, POSE_COS, POSE_SIN
+from prf.model.domain import LARGEST_RANGE
 from prf.model.laser import window_exit
 from prf.model.layout import image_grid, pixel_centres
-from prf.model.window import LARGEST_RANGE, Window
+from prf.model.window import Window
 from prf.results.geojson import OccupiedArea
 from prf.results.score.heldout import CLIP, OUTSIDE, SQUARE, HeldOut, HeldOutSonar
 from prf.results.score.maps import ScoredMap
@@ -82,7 +83,7 @@ def _laser_scores(scored: ScoredMap, held_out: HeldOut, seed: int, square: float
         "n_censored": int(np.count_nonzero(beams.readings(beams.rays(scored.window)) < 0.0)),
         **judged(scored, beams, seed, square),
         "square": square,
-        "max_range": beams.model.max_range,
+        "max_range": beams.model.limit,
         "seed": seed,
     }
 
@@ -156,7 +157,7 @@ def _point_scores(probability: Floats, occupied: Bools, seen: Bools | None) -> d
 def distance_scores(distance: Floats, beams: HeldOut) -> dict[str, float]:
     """Return ``within_0.2m``, ``rmse`` in metres, and ``no_obstacle``, the share of beams that meet none."""
     error = np.abs(beams.range - distance)
-    met = distance < beams.model.max_range
+    met = distance < beams.model.limit
     if np.isnan(distance).any():
         return dict.fromkeys(("within_0.2m", "rmse", "no_obstacle"), math.nan)
     return {

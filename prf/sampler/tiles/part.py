@@ -27,7 +27,7 @@ from prf.kernels.state.guards import GUARD_RAY, GUARD_TRIANGLE, N_SHAPE, Guards,
 from prf.kernels.state.image import Image, count_edges
 from prf.kernels.state.targets import Targets
 from prf.model.coloring import Coloring
-from prf.model.laser import MARGIN, make_beams
+from prf.model.laser import MARGIN, aims_of, make_beams
 from prf.model.layout import bare_graph, make_guards, make_index, make_proposal, make_sites
 from prf.model.sonar import make_cones
 from prf.model.window import Window
@@ -289,7 +289,7 @@ def part_beams(data: TileData, grid: Grid, shared: Shared, capacity: int) -> Bea
     last = beams.slot_start[1:] - 1
     exits[last] = end
     slot_exit = exits.astype(np.float32)
-    near, far = data.laser.aim(ray[:, c.RANGE])
+    near, far = aims_of(data.laser, ray[:, c.RANGE])
     aim = np.zeros_like(beams.aim)
     find_aims(near - MARGIN, far + MARGIN, beams.slot_start, slot_exit, aim)
     return beams._replace(ray=ray, beyond=shared.beyond, slot_exit=slot_exit, aim=aim)

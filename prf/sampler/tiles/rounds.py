@@ -16,9 +16,9 @@ from prf.kernels.state.chain import Chain
 from prf.kernels.state.grid import Grid, make_grid
 from prf.kernels.state.targets import Targets
 from prf.model.coloring import Coloring
-from prf.model.laser import LaserModel
+from prf.model.laser import beam_influence
 from prf.model.layout import make_targets, read_coloring
-from prf.model.sonar import SonarModel
+from prf.model.sensors import LaserModel, SonarModel
 from prf.model.window import INTERIOR
 from prf.readings.ground import way_guards
 from prf.sampler.posterior import (
@@ -63,7 +63,7 @@ def make_tile_data(settings: Settings) -> TileData:
     ray, pose = rays_of(settings), poses_of(settings)
     laser = (settings.laser or NO_LASER).model
     reach = ray[:, c.MAX_DISTANCE]
-    influence = np.minimum(reach, laser.influence(ray[:, c.RANGE]))
+    influence = np.minimum(reach, beam_influence(laser, ray[:, c.RANGE]))
     returned = (ray[:, c.RANGE] >= 0.0) & np.isfinite(ray[:, c.RANGE])
     answered = np.where(returned, np.minimum(ray[:, c.RANGE], (1.0 - REL_TOL) * reach), 0.5 * reach)
     returns = return_points(settings)

@@ -22,7 +22,9 @@ BOUNDS = (("ge", "min"), ("le", "max"))
 COMMON: Mapping[str, Any] = {"config": Config, "preset": Presets, "assignments": Assignments}
 
 
-def with_settings(tree: type[Tree], *read: str, defaults: Mapping[str, Any] = NOTHING) -> Callable[[Verb], Verb]:
+def with_settings(
+    tree: type[Tree], *read: str, defaults: Mapping[str, Any] = NOTHING, shown: Mapping[str, str] = NOTHING
+) -> Callable[[Verb], Verb]:
     """Return a decorator that gives a verb the options of its settings, and loads them.
 
     The verb has a keyword parameter ``settings``: a :class:`~prf.shell.cli.settings.Loaded` of the tree. In its place
@@ -35,10 +37,12 @@ def with_settings(tree: type[Tree], *read: str, defaults: Mapping[str, Any] = NO
         What the verb reads, each a ``TABLE`` or a ``TABLE.KEY``; ``--set`` refuses all else.
     defaults : mapping of ``TABLE.KEY`` to value
         Defaults of this verb that differ from those of the tree.
+    shown : mapping of ``TABLE.KEY`` to str
+        What help says of a default, where the field's own words do not apply to this verb.
     """
     options = dict(COMMON)
     flagged = [place for place in places_of(tree, read) if _metavar(tree, place)]
-    options |= {flag_name(tree, place): _option(tree, place, defaults) for place in flagged}
+    options |= {flag_name(tree, place): _option(tree, place, defaults, shown.get(place)) for place in flagged}
 
     def decorated(verb: Verb) -> Verb:
         @functools.wraps(verb)
@@ -67,13 +71,14 @@ def _metavar(tree: type[Tree], place: str) -> str:
     return note_of(tree.tables()[table], name, "flag")
 
 
-def _option(tree: type[Tree], place: str, defaults: Mapping[str, Any]) -> Any:
+def _option(tree: type[Tree], place: str, defaults: Mapping[str, Any], shown: str | None) -> Any:
     """Return what typer makes the flag of a key from; not given it is None, and help shows what applies then."""
     table, name = place.split(".")
     model, flag = tree.tables()[table], tree.flag(place)
     field = model.model_fields[name]
     default, words, kind = defaults.get(place, field.default), str(field.description), _type(field.annotation)
-    shown = note_of(model, name, "unset") if default is None else _words(default)
+    if shown is None:
+        shown = note_of(model, name, "unset") if default is None else _words(default)
     bounds = {side: getattr(each, bound) for each in field.metadata for bound, side in BOUNDS if hasattr(each, bound)}
     option = typer.Option(
         f"{flag}/--no-{flag.removeprefix('--')}" if kind is bool else flag,

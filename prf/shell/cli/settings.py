@@ -21,6 +21,13 @@ from prf.shell.errors import ArgumentError, ConfigError, UsageError
 PRESET = "preset"
 """The one key outside the tables: a name or several, whose values the file is laid over."""
 
+BOUND_WORDS = {
+    "greater_than": "must be above {gt:g}",
+    "greater_than_equal": "must be at least {ge:g}",
+    "less_than": "must be below {lt:g}",
+    "less_than_equal": "must be at most {le:g}",
+}
+"""What is said of a number out of bounds, by pydantic's name of the error."""
 NOTHING: Mapping[str, Any] = MappingProxyType({})
 DEFAULT = "default"
 Values = dict[str, dict[str, Any]]
@@ -45,7 +52,8 @@ class Table(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
-    def __init__(self, **values: Any) -> None:
+    def __init__(self, *args: Any, **values: Any) -> None:
+        values |= zip(type(self).model_fields, args, strict=False)
         try:
             self.__pydantic_validator__.validate_json(_json(values), strict=True, self_instance=self)
         except ValidationError as error:
@@ -54,6 +62,16 @@ class Table(BaseModel):
             raise ArgumentError(_refusal(type(self), first, first["loc"], given, "")) from None
 
     __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]  # tables in a tree are validated without it
+
+    @classmethod
+    def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:
+        """List the fields in the docstring, with their units and meanings."""
+        super().__pydantic_init_subclass__(**kwargs)
+        rows = []
+        for name, field in cls.model_fields.items():
+            unit = note_of(cls, name, "unit")
+            rows.append(f"    {name} : {f'[{unit}] ' if unit else ''}{field.description}\n")
+        cls.__doc__ = f"{cls.__doc__}\n\n    Parameters\n    ----------\n{''.join(rows)}"
 
     def check(self) -> None:
         """Raise SettingError where the values together make no model."""
@@ -102,7 +120,7 @@ class Loaded(NamedTuple, Generic[T]):
 
     settings: T
     sources: dict[str, str]
-    file: str | os.PathLike[str] | None = None
+    file: str | None = None
 
 
 def key(default: Any, unit: str, meaning: str, flag: str = "", unset: str = "", **constraints: Any) -> Any:
@@ -136,8 +154,8 @@ def load(
     `path`: a file of TOML; ``-`` is standard input. `presets`: names that replace those in the file. `assignments`:
     ``TABLE.KEY=VALUE``; VALUE as in TOML, where a word needs no quotes. `flags`: ``TABLE.KEY`` to value; None: not
     given. `defaults`: ``TABLE.KEY`` to a value that replaces the tree's default. `read`: each a ``TABLE`` or
-    ``TABLE.KEY``; an assignment to another is refused (UsageError), while a file may hold all. ConfigError names what
-    cannot be used.
+    ``TABLE.KEY``; an assignment to another is refused (UsageError), while a file may hold all, which then has no
+    effect. ConfigError names what cannot be used.
     """
     own = {} if path is None else _read_toml(path)
     name = "standard input" if path is not None and os.fspath(path) == STREAM else path
@@ -148,7 +166,21 @@ def load(
     layers.append((f"{name}: [{{table}}] {{key}}", own))
     layers += [("--set {table}.{key}", _assigned(tree, text, read)) for text in assignments]
     layers += [(tree.flag(place), _nested(place, value)) for place, value in flags.items() if value is not None]
-    return _merged(tree, [(DEFAULT, _nested(*each)) for each in defaults.items()] + layers)._replace(file=path)
+    found = _merged(tree, [(DEFAULT, _nested(*each)) for each in defaults.items()] + layers)
+    restricted = found if read is None else _restricted(tree, *found, read, defaults)
+    return Loaded(*restricted, None if path is None else os.fspath(path))
+
+
+def _restricted(
+    tree: type[T], settings: T, sources: dict[str, str], read: Collection[str], defaults: Mapping[str, Any]
+) -> tuple[T, dict[str, str]]:
+    """Return settings without the values of keys that are not read."""
+    kept = {place: each for place, each in sources.items() if place in places_of(tree, read)}
+    values: Values = {}
+    for place in (*defaults, *kept):
+        table, name = place.split(".")
+        values.setdefault(table, {})[name] = settings.get(place)
+    return build(tree, values, kept), kept
 
 
 def load_options(
@@ -239,7 +271,8 @@ def _nested(place: str, value: Any) -> Values:
     return {table: {name: value}}
 
 
-def _merged(tree: type[T], layers: Iterable[Layer]) -> Loaded[T]:
+def _merged(tree: type[T], layers: Iterable[Layer]) -> tuple[T, dict[str, str]]:
+    """Return settings of layers, the later the stronger, and what has set each value that is no default."""
     merged: Values = {}
     sources: dict[str, str] = {}
     for source, tables in layers:
@@ -251,7 +284,7 @@ def _merged(tree: type[T], layers: Iterable[Layer]) -> Loaded[T]:
             sources |= {f"{table}.{name}": source.format(table=table, key=name) for name in values}
             sources.setdefault(table, source.partition(": [")[0])
     settings = build(tree, merged, sources)
-    return Loaded(settings, {place: each for place, each in sources.items() if "." in place and each != DEFAULT})
+    return settings, {place: each for place, each in sources.items() if "." in place and each != DEFAULT}
 
 
 def build(
@@ -310,6 +343,9 @@ def _refusal(
     if error["type"] == "extra_forbidden":
         return f"{place}: there is no such key. {_instead(name, table.model_fields)}"
     words = error["msg"].removeprefix("Value error, ").replace("Input should be", "must be")
+    if error["type"] in BOUND_WORDS:
+        unit = note_of(table, name, "unit")
+        words = BOUND_WORDS[error["type"]].format(**error["ctx"]) + (f", in {unit}" if unit else "")
     return f"{place} = {_toml(error['input'])}: {words}."
 
 
@@ -354,7 +390,7 @@ def described_text(loaded: Loaded[T], head: str) -> str:
     values: Values = {}
     comments = {"": head}
     for table, model in type(loaded.settings).tables().items():
-        lines, values[table] = [model.__doc__ or ""], {}
+        lines, values[table] = [(model.__doc__ or "").partition("\n")[0]], {}
         for name, field in model.model_fields.items():
             unit, place = note_of(model, name, "unit"), f"{table}.{name}"
             words = (f"[{unit}] " if unit else "") + (field.description or "")

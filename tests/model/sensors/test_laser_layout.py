@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 
 import numpy as np
@@ -13,7 +12,17 @@ from prf.kernels import constants as c
 from prf.kernels.readings.beams import Beams
 from prf.kernels.readings.laser_change import FADED
 from prf.kernels.state.grid import Grid
-from prf.model.laser import MARGIN, LaserModel, deal_levels, make_beams, make_rays, number_of_levels
+from prf.model.laser import (
+    MARGIN,
+    aims_of,
+    best_log_likelihood,
+    deal_levels,
+    laser_array,
+    make_beams,
+    make_rays,
+    number_of_levels,
+)
+from prf.model.sensors import LaserModel
 from prf.model.window import Window
 from prf.shell.errors import ConfigError
 from tests.kernels.entries import log_likelihoods
@@ -40,13 +49,13 @@ def test_defaults_are_those_of_the_contract() -> None:
 
 @pytest.mark.parametrize(("noise", "relative"), [(0.5, 0.0), (1e-3, 0.5), (1e-3, 0.0), (1.5, 1.5)])
 def test_noise_of_any_size_is_taken(noise: float, relative: float) -> None:
-    assert LaserModel(0.5, noise, relative).to_array()[c.NOISE : c.NOISE_RELATIVE + 1].tolist() == [noise, relative]
+    assert laser_array(LaserModel(0.5, noise, relative))[c.NOISE : c.NOISE_RELATIVE + 1].tolist() == [noise, relative]
 
 
 @pytest.mark.parametrize("name", ["outlier_probability", "miss_probability"])
 def test_a_certainty_is_no_weight(name: str) -> None:
     with pytest.raises(ConfigError, match=f"{name.replace('_', '-')} 1.0: must lie in"):
-        dataclasses.replace(LaserModel(8.0), **{name: 1.0})
+        LaserModel(8.0).replace(**{name: 1.0})
 
 
 @pytest.mark.parametrize("sensor", SENSORS)
@@ -58,7 +67,7 @@ def test_the_table_gives_the_density(sensor: Sensor) -> None:
     near = np.where(np.isfinite(distance), distance, 0.0) + np.linspace(-20.0, 20.0, 32) * spread
     reading = np.where(near < sensor.max, np.abs(near), np.inf)
     found = np.zeros(len(reading))
-    log_likelihoods(model_of(sensor).to_array(), reading, distance, found)
+    log_likelihoods(laser_array(model_of(sensor)), reading, distance, found)
     expected = [log_likelihood(sensor, r, d) for r, d in zip(reading.tolist(), distance.tolist(), strict=True)]
     assert found == pytest.approx(expected, rel=1e-10, abs=1e-10)
 
@@ -79,14 +88,14 @@ def test_the_best_of_a_reading_is_just_above_what_any_distance_gives(sensor: Sen
     readings = np.concatenate([deviations * sensor.noise, np.array([0.2, 0.5, 0.9]) * sensor.max])
     readings = readings[readings < sensor.max]
     wide = sensor.max < 20.0 * sensor.spread(sensor.max)
-    for r, best in zip(readings, model_of(sensor).best_log_likelihood(readings), strict=True):
+    for r, best in zip(readings, best_log_likelihood(model_of(sensor), readings), strict=True):
         around = r + np.linspace(-1.0, 1.0, 801) * sensor.spread(r)
         d = np.concatenate([around[around > 0.0], np.geomspace(1e-3, 1.0, 200) * r, [r]])
         s = np.maximum(sensor.noise, sensor.relative * d)
         highest = float(np.log(sensor.outlier / sensor.max + sensor.hit * normal(r, d, s) / special.ndtr(d / s)).max())
         slack = math.log(2.0) if wide or r < 20.0 * sensor.spread(r) else 0.0
         assert highest < best <= highest + slack + sensor.relative**2 + 1e-6
-    (silent,) = model_of(sensor).best_log_likelihood(np.array([np.inf]))
+    (silent,) = best_log_likelihood(model_of(sensor), np.array([np.inf]))
     assert math.log(sensor.miss + sensor.hit) < silent < math.log(sensor.miss + sensor.hit) + 1e-8
 
 
@@ -94,17 +103,17 @@ def test_the_best_of_a_reading_is_just_above_what_any_distance_gives(sensor: Sen
 def test_an_aim_ends_where_hits_fade(sensor: Sensor) -> None:
     model, readings = model_of(sensor), np.array([0.02, 0.5, 7.0])
     z = model.deviation_where_hits_are(FADED)
-    near, far = model.aim(readings)
+    near, far = aims_of(model, readings)
     assert (readings - near) / np.maximum(sensor.noise, sensor.relative * near) == pytest.approx(np.full(3, z))
     if z * sensor.relative < 1.0:
         assert (far - readings) / np.maximum(sensor.noise, sensor.relative * far) == pytest.approx(np.full(3, z))
     else:
         assert np.isinf(far).all()
-    assert np.isinf(model.aim(np.array([np.inf]))).all()
+    assert np.isinf(aims_of(model, np.array([np.inf]))).all()
 
 
 def test_wide_noise_is_aimed_everywhere() -> None:
-    near, far = LaserModel(6.0, noise=2.0).aim(np.array([1.0, 5.0]))
+    near, far = aims_of(LaserModel(6.0, noise=2.0), np.array([1.0, 5.0]))
     assert (near.tolist(), far.tolist()) == ([-math.inf] * 2, [math.inf] * 2)
 
 

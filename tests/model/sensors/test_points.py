@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 
 import numpy as np
 import pytest
 
-from prf.model.domain import MAX_FACTOR, MIN_LENGTH, check_factor, check_length
-from prf.model.laser import LaserModel
-from prf.model.points import PointModel, estimated_sigma, window_round
-from prf.model.sonar import SonarModel
-from prf.model.window import LARGEST_RANGE
+from prf.model.domain import LARGEST_RANGE, MAX_FACTOR, MIN_LENGTH, check_factor, check_length
+from prf.model.laser import laser_array
+from prf.model.points import estimated_sigma, log_density, resolved, window_round
+from prf.model.sensors import LaserModel, PointModel, SonarModel
+from prf.model.sonar import sonar_array
 from prf.shell.errors import ConfigError
 from tests.reference.slow_points import Flips, Normal, lattice, most_likely_sigma
 
@@ -21,15 +20,15 @@ def test_parameters_without_a_density_are_refused() -> None:
     bad = {"kind": "laplace", "mean_black": math.nan, "mean_white": 1.0, "sigma": 0.0, "flip_probability": 0.5}
     for field, value in bad.items():
         with pytest.raises(ConfigError, match="points-" + field.replace("_", "-")):
-            dataclasses.replace(PointModel(), **{field: value})
+            PointModel().replace(**{field: value})
 
 
 def test_the_kind_follows_from_the_values_unless_it_is_given() -> None:
-    assert PointModel().resolved(np.array([0.0, 1.0, 1.0])).kind == "binary"
-    assert PointModel().resolved(np.array([0.0, 1.0, 0.5])).kind == "gaussian"
-    assert PointModel("gaussian", sigma=0.2).resolved(np.array([0.0, 1.0])) == PointModel("gaussian", sigma=0.2)
+    assert resolved(PointModel(), np.array([0.0, 1.0, 1.0])).kind == "binary"
+    assert resolved(PointModel(), np.array([0.0, 1.0, 0.5])).kind == "gaussian"
+    assert resolved(PointModel("gaussian", sigma=0.2), np.array([0.0, 1.0])) == PointModel("gaussian", sigma=0.2)
     with pytest.raises(ConfigError, match=r"a value is 0\.5, neither 0 nor 1"):
-        PointModel("binary").resolved(np.array([0.0, 1.0, 0.5, 2.0]))
+        resolved(PointModel("binary"), np.array([0.0, 1.0, 0.5, 2.0]))
 
 
 @pytest.mark.parametrize("law", [Normal(), Normal(-3.0, 40.0, 11.0), Flips(), Flips(0.01)], ids=str)
@@ -37,12 +36,12 @@ def test_densities_are_those_written(law: Normal | Flips) -> None:
     rng = np.random.default_rng(40)
     values = law.draw(rng.random(200) < 0.5, rng)
     expected = [[law.log_density(value, black) for black in (False, True)] for value in values.tolist()]
-    assert law.model.log_density(values) == pytest.approx(np.array(expected), rel=1e-12)
+    assert log_density(law.model, values) == pytest.approx(np.array(expected), rel=1e-12)
 
 
 def test_densities_beyond_double_precision_are_refused() -> None:
     with pytest.raises(ConfigError, match="points-sigma 1e-200: too small"):
-        PointModel("gaussian", sigma=1e-200).log_density(np.array([0.0, 3.0]))
+        log_density(PointModel("gaussian", sigma=1e-200), np.array([0.0, 3.0]))
 
 
 @pytest.mark.parametrize("share", [0.0, 0.1, 0.5, 1.0])
@@ -52,8 +51,8 @@ def test_sigma_is_estimated_whatever_the_share_of_black(sigma: float, share: flo
     law = Normal(5.0, 3.0, 2.0 * sigma)
     values = law.draw(rng.random(20_000) < share, rng)
     assert estimated_sigma(values, 5.0, 3.0) == pytest.approx(2.0 * sigma, rel=0.05)
-    resolved = PointModel("gaussian", 5.0, 3.0).resolved(values)
-    assert resolved.sigma == estimated_sigma(values, 5.0, 3.0)
+    found = resolved(PointModel("gaussian", 5.0, 3.0), values)
+    assert found.sigma == estimated_sigma(values, 5.0, 3.0)
 
 
 @pytest.mark.parametrize(("black", "white"), [(1.0, 0.0), (0.0, 1.0), (-1.0, 1.0), (3.0, 5.0)])
@@ -113,6 +112,6 @@ def test_factors(least: float) -> None:
 def test_at_the_bounds_all_numbers_of_a_density_are_finite(limits: tuple[float, float]) -> None:
     length, probability = limits
     laser = LaserModel(length, length, MAX_FACTOR, probability, 0.0)
-    assert all(math.isfinite(value) for value in laser.to_array())
+    assert all(math.isfinite(value) for value in laser_array(laser))
     sonar = SonarModel(length, length, uniform_probability=probability, short_probability=0.0, short_length=length)
-    assert all(math.isfinite(value) for value in sonar.to_array())
+    assert all(math.isfinite(value) for value in sonar_array(sonar))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import itertools
 import math
 
@@ -20,7 +19,8 @@ from prf.model import sonar as sensor
 from prf.model.arak import exact_draws
 from prf.model.coloring import Coloring, black_at
 from prf.model.coloring.polygons import from_polygons
-from prf.model.sonar import SonarModel, make_poses
+from prf.model.sensors import SonarModel
+from prf.model.sonar import make_poses, sonar_array
 from prf.model.window import Window
 from prf.results.score.scene import features_seen, scene_of_coloring
 from prf.sampler.posterior import Settings, SonarData, make_chain
@@ -57,8 +57,8 @@ VIEW = 0.349
 )
 def test_parameters_without_a_density_are_refused(field: str, values: tuple[float, ...]) -> None:
     for value in values:
-        with pytest.raises(ConfigError, match="^sonar-" + field.replace("_", "-")):
-            dataclasses.replace(SonarModel(), **{field: value})
+        with pytest.raises(ConfigError, match=f"^{field}"):
+            SonarModel().replace(**{field: value})
 
 
 def test_the_slow_twin_has_the_same_defaults() -> None:
@@ -122,7 +122,7 @@ def test_densities_and_the_mass_of_no_return_sum_to_one() -> None:
     def density(scene: Scene, pose: np.ndarray, r: float) -> float:
         rows, total = pose[None].copy(), np.zeros(1)
         rows[0, k.READING] = r
-        add_sonar_densities(scene, model.to_array(), rows, np.zeros(1, np.bool_), total)
+        add_sonar_densities(scene, sonar_array(model), rows, np.zeros(1, np.bool_), total)
         return float(total[0])
 
     for scene, pose, feature in looked_at(5)[::4]:

@@ -13,7 +13,7 @@ from scipy import stats
 
 from prf.kernels.state.cell_lists import SegmentLists
 from prf.model.coloring import Coloring, Draws, from_polygons, occupied_polygons
-from prf.model.laser import LaserModel
+from prf.model.sensors import LaserModel
 from prf.model.window import Window
 from prf.readings import Readings
 from prf.results import PosteriorImage
