@@ -19,7 +19,7 @@ from prf.model.laser import aims_of, best_log_likelihood, laser_array, make_rays
 from prf.model.sensors import LaserModel
 from prf.model.window import INTERIOR, Window
 from prf.sampler.posterior import LaserData, Settings, make_chain
-from prf.shell.errors import ConfigError
+from prf.shell.errors import ArgumentError
 from tests.kernels.entries import hit_table, log_likelihoods
 from tests.reference.beams import Sensor, exit_by_shapely, impacts, mass_from
 from tests.reference.recompute import recompute_impacts
@@ -48,12 +48,12 @@ CASES = [
 )
 def test_parameters_without_a_density_are_refused(field: str, values: tuple[float, ...]) -> None:
     for value in values:
-        with pytest.raises(ConfigError, match=f"^{field}"):
+        with pytest.raises(ArgumentError, match=f"^{field}"):
             LaserModel(10.0).replace(**{field: value})
 
 
 def test_weights_that_leave_nothing_for_hits_are_refused() -> None:
-    with pytest.raises(ConfigError, match="sum"):
+    with pytest.raises(ArgumentError, match="sum"):
         LaserModel(10.0, outlier_probability=0.6, miss_probability=0.4)
     assert LaserModel(10.0, outlier_probability=0.6, miss_probability=0.3).hit_probability == pytest.approx(0.1)
 

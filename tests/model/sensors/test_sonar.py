@@ -24,7 +24,7 @@ from prf.model.sonar import make_poses, sonar_array
 from prf.model.window import Window
 from prf.results.score.scene import features_seen, scene_of_coloring
 from prf.sampler.posterior import Settings, SonarData, make_chain
-from prf.shell.errors import ConfigError
+from prf.shell.errors import ArgumentError, ConfigError
 from tests.kernels.entries import see_all
 from tests.reference.recompute import differences
 from tests.reference.slow_sonar import (
@@ -57,7 +57,7 @@ VIEW = 0.349
 )
 def test_parameters_without_a_density_are_refused(field: str, values: tuple[float, ...]) -> None:
     for value in values:
-        with pytest.raises(ConfigError, match=f"^{field}"):
+        with pytest.raises(ArgumentError, match=f"^{field}"):
             SonarModel().replace(**{field: value})
 
 
