@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Annotated
 
 import typer
 
-from prf.shell.cli.files import STREAM
 from prf.shell.cli.options import parse_duration
-from prf.shell.errors import UsageError
 
 Laser = Annotated[
     str | None, typer.Option("--laser", metavar="LOG", help="Localized laser readings; - is standard input.")
@@ -39,10 +36,3 @@ TimeBudget = Annotated[
         help="Instead of steps, writing included; seconds, or 90s, 5m, 1h30m.",
     ),
 ]
-
-
-def refuse_shared_stream(inputs: Mapping[str, object]) -> None:
-    """Raise UsageError if more than one of the options is given as standard input."""
-    streams = [f"{flag} -" for flag, path in inputs.items() if path == STREAM]
-    if len(streams) > 1:
-        raise UsageError(f"{' '.join(streams)}: standard input can be read once only.")

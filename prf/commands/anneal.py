@@ -67,8 +67,6 @@ def anneal(
     if steps is not None and time_budget is not None:
         raise UsageError("--steps and --time-budget: give one of them.")
     config = settings.settings
-    streams = {"--laser": laser, "--sonar": sonar, "--point-data": point_data}
-    o.refuse_shared_stream({**streams, "--poses": config.readings.poses, "--config": settings.file})
     target = output or str(default_output(logs[0]).with_suffix(".geojson"))
     logs = with_poses(logs, config)
     claim_output(target, force, inputs=[*logs, settings.file], suffixes=(".geojson",), json=json)

@@ -51,9 +51,6 @@ def calibrate(
         raise UsageError("Nothing to calibrate by: give --sonar LOG, --laser LOG, or both.")
     config = settings.settings
     poses = config.readings.poses
-    o.refuse_shared_stream(
-        {"--map": known, "--sonar": sonar, "--laser": laser, "--poses": poses, "--config": settings.file}
-    )
     if output is not None:
         claim_output(output, force, inputs=[known, sonar, laser, poses], suffixes=(".toml",), json=json)
     area = read_known_map(known)

@@ -52,9 +52,6 @@ def grid(
     if not logs:
         raise UsageError("Nothing to map: give --laser LOG, --sonar LOG, or both.")
     config = settings.settings
-    o.refuse_shared_stream(
-        {"--laser": laser, "--sonar": sonar, "--poses": config.readings.poses, "--config": settings.file}
-    )
     if output == STREAM:
         raise UsageError("-o -: a grid is a .npz archive. Name one.")
     target = output or str(default_output(logs[0]).with_suffix(".grid.npz"))

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from prf.commands import _options as o
 from prf.configuration import Configuration
 from prf.shell.cli.flags import with_settings
 from prf.shell.cli.options import Json
@@ -64,7 +63,6 @@ def info(
 
     kind: Kind | None = "sonar" if sonar else None
     chosen = settings.settings.readings
-    o.refuse_shared_stream({"LOG": log, "--poses": chosen.poses, "--config": settings.file})
     readings = read_readings(log, kind, topic=chosen.topic, frame=chosen.frame, poses=given_poses(chosen))
     summary = describe(readings, log)
     if json:

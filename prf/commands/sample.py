@@ -62,7 +62,6 @@ def sample(
         raise UsageError("--steps and --time-budget: give one of them.")
     given = (("--laser", laser), ("--sonar", sonar), ("--point-data", point_data))
     logs = {flag: log for flag, log in given if log is not None}
-    o.refuse_shared_stream({**logs, "--poses": settings.settings.readings.poses, "--config": settings.file})
     folder = _folder(logs, output, resume)
     how: dict[str, Any] = {"steps": steps, "seconds": time_budget, "threads": threads}
     how |= {"seed": seed, "on_interrupt": "raise"}

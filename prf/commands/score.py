@@ -7,7 +7,6 @@ from typing import Annotated, Any
 
 import typer
 
-from prf.commands import _options as o
 from prf.configuration import SCORE_DEFAULTS, Configuration
 from prf.shell.cli.flags import with_settings
 from prf.shell.cli.options import Json, Seed
@@ -96,8 +95,6 @@ def score(
     if laser is None and sonar is None and truth is None:
         raise UsageError("Nothing to score by: give --laser HELDOUT, --sonar HELDOUT or --truth PLAN.geojson.")
     configuration = settings.settings
-    streams = {"MAP": scored, "--laser": laser, "--sonar": sonar, "--truth": truth}
-    o.refuse_shared_stream({**streams, "--poses": configuration.readings.poses, "--config": settings.file})
     if configuration.trajectory.pose_noise is not None and (laser is None or sonar is not None):
         raise UsageError("--pose-noise: only a laser's poses are integrated out. Give --laser, and no --sonar.")
     found = open_map(scored)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import pytest
+import typer
 from click.testing import CliRunner
 
 from prf.shell.cli.app import make_command
@@ -49,7 +50,12 @@ SEEN: list[tuple[Loaded[Toy], bool]] = []
 
 
 @with_settings(Toy, "lens", "frame.width", defaults={"lens.turns": 5})
-def look(*, settings: Loaded[Toy], json: Json = False) -> None:
+def look(
+    *,
+    source: Annotated[str | None, typer.Option("--source", help="Of light.")] = None,
+    settings: Loaded[Toy],
+    json: Json = False,
+) -> None:
     """Look through a lens."""
     SEEN.append((settings, json))
 
@@ -83,6 +89,12 @@ def test_what_cannot_be_used_is_named_by_its_flag() -> None:
     assert str(error) == "--radius = -1.0: must be above 0, in m."
     assert str(called("--kind", "thick").exception) == "--kind: a thick lens needs a radius."
     assert str(called("--set", "lens.turms=1").exception).startswith("--set lens.turms: there is no such key. Did")
+
+
+def test_one_input_alone_is_standard_input() -> None:
+    assert str(called("--config", "-", "--source", "-").exception) == (
+        "--source - --config -: standard input can be read once only."
+    )
 
 
 def test_what_the_verb_does_not_read_is_refused() -> None:

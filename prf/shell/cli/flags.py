@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import functools
 import inspect
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from types import NoneType, UnionType
 from typing import Annotated, Any, Union, get_args, get_origin
 
 import typer
+from typer.models import OptionInfo
 
+from prf.shell.cli.files import STREAM
 from prf.shell.cli.options import Assignments, Presets
 from prf.shell.cli.settings import NOTHING, Tree, flag_name, load_options, note_of, places_of
+from prf.shell.errors import UsageError
 
 Verb = Callable[..., None]
 Config = Annotated[
@@ -28,7 +31,8 @@ def with_settings(
     """Return a decorator that gives a verb the options of its settings, and loads them.
 
     The verb has a keyword parameter ``settings``: a :class:`~prf.shell.cli.settings.Loaded` of the tree. In its place
-    the command line has ``--config``, ``--preset``, ``--set`` and the flag of every key read that has one.
+    the command line has ``--config``, ``--preset``, ``--set`` and the flag of every key read that has one. One input of
+    the verb at most may be standard input.
 
     Parameters
     ----------
@@ -45,15 +49,17 @@ def with_settings(
     options |= {flag_name(tree, place): _option(tree, place, defaults, shown.get(place)) for place in flagged}
 
     def decorated(verb: Verb) -> Verb:
-        @functools.wraps(verb)
-        def run(**given: Any) -> None:
-            chosen = {name: given.pop(name) for name in options}
-            verb(**given, settings=load_options(tree, chosen, read, defaults))
-
         own = inspect.signature(verb, eval_str=True)
         parameters: list[inspect.Parameter] = []
         for each in own.parameters.values():
             parameters += map(_parameter, options.items()) if each.name == "settings" else [each]
+
+        @functools.wraps(verb)
+        def run(**given: Any) -> None:
+            _refuse_shared_stream(parameters, given)
+            chosen = {name: given.pop(name) for name in options}
+            verb(**given, settings=load_options(tree, chosen, read, defaults))
+
         run.__signature__ = own.replace(parameters=parameters)  # type: ignore[attr-defined]
         run.__annotations__ = {}
         return run
@@ -64,6 +70,19 @@ def with_settings(
 def _parameter(option: tuple[str, Any]) -> inspect.Parameter:
     name, annotation = option
     return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=annotation)
+
+
+def _refuse_shared_stream(parameters: Sequence[inspect.Parameter], given: Mapping[str, Any]) -> None:
+    """Raise UsageError if more than one input is standard input."""
+    shared = [each for each in parameters if given[each.name] == STREAM and each.name != "output"]
+    if len(shared) > 1:
+        streams = (f"{_written(get_args(each.annotation)[-1])} {STREAM}" for each in shared)
+        raise UsageError(f"{' '.join(streams)}: standard input can be read once only.")
+
+
+def _written(option: Any) -> str:
+    """Return how a command line has an option or an argument: typer keeps an option's flag as its default."""
+    return str(option.default if isinstance(option, OptionInfo) else option.metavar)
 
 
 def _metavar(tree: type[Tree], place: str) -> str:

@@ -20,7 +20,7 @@ def test_parameters_without_a_density_are_refused() -> None:
     bad = {"kind": "laplace", "mean_black": math.nan, "mean_white": 1.0, "sigma": 0.0, "flip_probability": 0.5}
     for field, value in bad.items():
         with pytest.raises(ArgumentError, match=f"^{field}"):
-            PointModel().replace(**{field: value})
+            PointModel(**{field: value})
 
 
 def test_the_kind_follows_from_the_values_unless_it_is_given() -> None:
