@@ -96,7 +96,7 @@ CASES = (
     ("mapq segment cloud.ply --max-tilt 95 -o out.patches", 2, "--max-tilt must be from 0 to 90"),
     ("mapq classify walls.patches --preset velodyne-vlp16 -o out.ply", 2, "a --preset is for clouds"),
     ("mapq simulate", 2, "-o"),
-    ("mapq simulate -o out.ply --drift -1", 2, "drift -1"),
+    ("mapq simulate -o out.ply --drift -1", 2, "drift = -1"),
     ("mapq simulate -o no/such/folder/out.ply", 4, "no/such/folder"),
     ("mapq train walls.patches -o out.json --set crf.regularisation=0", 2, "regularisation 0.0"),
     ("mapq train walls.patches -o out.json --set features.radius=-1", 2, "radius"),
@@ -118,9 +118,17 @@ CASES = (
     (f"{SAMPLE} --every-scan 1 --scans 900:901", 3, ""),
     (f"{SAMPLE} --set sampler.start=moon", 2, '--set sampler.start = "moon": must be'),
     (f"{SAMPLE} --set {LOWEST}=1", 2, f"--set {LOWEST} = 1"),
-    (f"{SAMPLE} --set sampler.temperatures=3 --set sampler.tiles=4", 2, "--set sampler.tiles 4"),
-    (f"{SAMPLE} --set sampler.temperatures=auto --set sampler.tiles=4", 2, "--set sampler.tiles 4"),
-    (f"{SAMPLE} --set sampler.temperatures=0", 2, "--set sampler.temperatures 0"),
+    (
+        f"{SAMPLE} --set sampler.temperatures=3 --set sampler.tiles=4",
+        2,
+        "--set sampler.tiles: tempered chains have no tiles",
+    ),
+    (
+        f"{SAMPLE} --set sampler.temperatures=auto --set sampler.tiles=4",
+        2,
+        "--set sampler.tiles: tempered chains have no tiles",
+    ),
+    (f"{SAMPLE} --set sampler.temperatures=0", 2, "--set sampler.temperatures = 0"),
     (f"{SAMPLE} --set sampler.temperature=3", 2, "there is no such key. Did you mean temperatures?"),
     *(
         (f"prf {verb} {LASER} -o out --set thinning.beam_density={density}", 2, "beam_density")

@@ -47,7 +47,7 @@ def with_noise(settings: Settings, factor: float) -> Settings:
     for name in ("laser", "sonar"):
         data = getattr(settings, name)
         if data is not None:
-            model = dataclasses.replace(data.model, noise=factor * data.model.noise)
+            model = data.model.replace(noise=factor * data.model.noise)
             changes[name] = dataclasses.replace(data, model=model)
     return dataclasses.replace(settings, **changes)
 

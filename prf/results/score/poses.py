@@ -9,7 +9,6 @@ share its weight, so that proposals close in on a narrow one.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
@@ -76,7 +75,7 @@ def search_poses(one: ScoredMap, beams: HeldOut, rng: np.random.Generator) -> No
     assert beams.poses is not None
     noise, start = float(np.hypot(beams.poses.noise[0], beams.poses.noise[2] * np.median(beams.range))), None
     while noise > beams.model.noise:
-        blurred = beams._replace(model=dataclasses.replace(beams.model, noise=noise))
+        blurred = beams._replace(model=beams.model.replace(noise=noise))
         start = pooled([integrate_poses(one, blurred, start, LEAST_ESS, rng).posterior])
         noise *= 0.5
     return start
