@@ -48,7 +48,7 @@ def map_metrics(cloud: PointCloud, radius: float = RADIUS) -> MapMetrics:
     `radius`: metres. Raises UsageError if the radius is no length.
     """
     if not 0.0 < radius < 1e6:
-        raise UsageError(f"a radius of {radius:g} m is none. Give one above 0.")
+        raise UsageError(f"radius {radius:g} m: must be above 0.")
     xyz = cloud.xyz[cloud.finite()]
     xyz = xyz[np.lexsort(xyz.T)]
     sampled = np.unique(np.linspace(0, len(xyz) - 1, min(SAMPLE, len(xyz))).round().astype(np.int64))

@@ -48,7 +48,7 @@ def truth_of(cloud: PointCloud, name: str) -> NDArray[np.int64]:
         raise InputError(f"{cloud.source}: field {name!r} is not one number a point.")
     wide = values.astype(np.float64)
     if not (np.isfinite(wide) & (wide == np.floor(wide))).all():
-        raise InputError(f"{cloud.source}: field {name!r} has values that are no whole numbers, so no planes.")
+        raise InputError(f"{cloud.source}: field {name!r} must hold whole numbers, the numbers of planes.")
     return wide.astype(np.int64)
 
 

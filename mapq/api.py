@@ -121,7 +121,7 @@ def point_cloud(
     Raises
     ------
     ArgumentError
-        If shapes do not agree, no point is finite, or the unit is no length.
+        If shapes do not agree, no point is finite, or the unit is not a length.
     """
     world = _numbers("xyz", xyz)
     if world.ndim != 2 or world.shape[1] != 3:
@@ -164,7 +164,7 @@ def segment(
     Raises
     ------
     ArgumentError
-        If the array is no cloud.
+        If the array is not a cloud.
     InputError
         If the file cannot be read, or the points make no plane.
     UsageError
@@ -228,7 +228,7 @@ def classify(
     Raises
     ------
     ArgumentError
-        If the array is no cloud, or `max_false_alarms` no share.
+        If the array is not a cloud, or `max_false_alarms` not a share.
     UsageError
         If the model has no operating points, or segmentation settings are given for patches.
     InputError
@@ -279,7 +279,7 @@ def train(
     ArgumentError
         If there are no maps.
     InputError
-        If a file is no PATCHES file, or there are not labels of both kinds.
+        If a file is not a PATCHES file, or there are not labels of both kinds.
     ConfigError
         If the settings ask for an edge feature that there is not.
     """
@@ -287,7 +287,7 @@ def train(
 
     given = [maps] if isinstance(maps, Patches | str | os.PathLike) else list(maps)
     if not given:
-        raise ArgumentError("maps: there are none.")
+        raise ArgumentError("maps: give at least one.")
     with reported(progress, len(given), "maps") as reporter:
         return train_maps(given, settings, features, reporter, conservative)
 
@@ -328,7 +328,7 @@ def _model(model: Model | Path | None, max_false_alarms: float | None) -> tuple[
     if max_false_alarms is None:
         return used, origin
     if not 0.0 <= max_false_alarms <= 1.0:
-        raise ArgumentError(f"max_false_alarms {max_false_alarms}: must be a share between 0 and 1.")
+        raise ArgumentError(f"max_false_alarms {max_false_alarms}: must be a share between 0 and 1, such as 0.05.")
     return with_false_alarms(used, max_false_alarms, name), origin
 
 
@@ -343,4 +343,4 @@ def _numbers(name: str, values: ArrayLike) -> NDArray[Any]:
         array = np.asarray(values)
         return array if array.dtype == np.float32 else array.astype(np.float64)
     except (TypeError, ValueError):
-        raise ArgumentError(f"{name}: is no array of numbers.") from None
+        raise ArgumentError(f"{name}: must be an array of numbers.") from None

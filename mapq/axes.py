@@ -70,7 +70,7 @@ class GroundPlan(NamedTuple):
         """Return how many quarters, counter-clockwise from above, lead from the axes of the file to the map's own.
 
         There the mean of the points lies from the middle of their box towards (2, 1), by 45 degrees at most: borders
-        of the choice are no axes of symmetry that things are built with. A mean in the middle shows nothing; then the
+        of the choice are not axes of symmetry that things are built with. A mean in the middle shows nothing; then the
         longer side is along x, and a half turn, which few such maps would show, is left as it is.
         """
         if self.n_points == 0:

@@ -52,7 +52,7 @@ class PointCloud:
     las_header: bytes = b""
 
     @classmethod
-    @np.errstate(over="ignore", invalid="ignore")  # of infinite coordinates, which are no points
+    @np.errstate(over="ignore", invalid="ignore")  # of infinite coordinates, which are not points
     def from_world(
         cls,
         world: NDArray[Any],

@@ -90,7 +90,7 @@ class Features(Table):
     )
     neighbours: int = key(4, "", "closest patches that each patch is joined to")
     watched: int = key(16, "", "of so many closest patches those are joined too that lie over it or cross it")
-    radius: float = key(3.0, "m", "patches farther apart are no neighbours")
+    radius: float = key(3.0, "m", "patches farther apart are not neighbours")
     tau: float = key(2.0, "m", "distance over which a pair's weight falls to 1/e")
     eps: float = key(0.01, "m", "what the sensor cannot resolve")
     noise: float | None = key(None, "m", "standard deviation of points from a surface")
@@ -136,7 +136,7 @@ class Crf(Table):
         self.settings()
 
     def settings(self) -> TrainSettings:
-        """Return what training takes; the share of false alarms is no part of it."""
+        """Return what training takes; the share of false alarms is not part of it."""
         values = self.model_dump(exclude={"class_weight", "folds", "max_false_alarms"})
         return TrainSettings(balanced=self.class_weight == "balanced", n_folds=self.folds, **values)
 

@@ -24,7 +24,7 @@ CALIBRATIONS = (TEMPERATURE, PLATT, ISOTONIC)
 """A factor; a factor and a shift (Platt 1999); any rising curve (Zadrozny and Elkan 2002). Simplest first."""
 
 LEAST_SLOPE = 1e-3
-"""Log-odds a nat by which an isotonic calibration rises at least, so that it makes no ties of unequal patches."""
+"""Log-odds a nat by which an isotonic calibration rises at least, so that unequal patches stay unequal."""
 
 NOBODY = -1
 """In the place of another patch, where a value is of no pair."""

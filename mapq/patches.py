@@ -123,7 +123,7 @@ class Patches:
         ArgumentError
             If the labels have another shape, or another value.
         InputError
-            If there is no such field, or it is none of 0, 1 and 255.
+            If there is no such field, or it is not one of 0, 1 and 255.
         """
         if isinstance(labels, str):
             return label_from_field(self, labels, self.cloud.source or "the cloud", overwrite_hand=True)[0]

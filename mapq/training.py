@@ -40,8 +40,8 @@ def train_maps(
 
     `sources`: maps, or PATCHES files of them. `features`: stored in the model: it measures other maps in the same way.
     `progress`: receives the number of maps read and measured. `conservative`: of a map that has labels, count patches
-    without one as suspicious: they are not surely plausible. Raises InputError if a file is no PATCHES file, or there
-    are not labels of both kinds.
+    without one as suspicious: they are not surely plausible. Raises InputError unless
+    every file is a PATCHES file, and there are labels of both kinds.
     """
     settings, features = settings or TrainSettings(), features or FeatureSettings()
     maps = []

@@ -1,6 +1,6 @@
 """Parameters of the sensors from readings at known poses in a known map (docs/calibration.md).
 
-Maximum likelihood with weak priors: every parameter is fitted on a scale without ends, positive ones by their
+Maximum likelihood with weak priors: every parameter is fitted on an unbounded scale, positive ones by their
 logarithm, shares by their log odds, and has there a Gaussian prior round its default. What the readings do not show
 then keeps its default, with a standard error that shows it.
 """
@@ -84,7 +84,7 @@ class Calibrated(NamedTuple):
     kind: str  # sonar or laser
     family: Family
     theta: Floats  # (k,) the fit on its scale
-    # value, error: (k,) as people write them, and standard errors (nan where the Hessian is no minimum's)
+    # value, error: (k,) as people write them, and standard errors (nan where the Hessian is not positive definite)
     value: Floats
     error: Floats
     informed: NDArray[np.bool_]  # (k,) whether the readings determine a parameter better than its prior

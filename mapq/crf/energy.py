@@ -47,7 +47,7 @@ def node_columns(features: PatchFeatures, names: tuple[str, ...]) -> NDArray[np.
     missing = [name for name in names if name not in features.node_names]
     if missing:
         known = ", ".join(features.node_names) or "none"
-        raise InputError(f"there is no node feature {missing[0]}; these features have {known}.")
+        raise InputError(f"expected a node feature {missing[0]}; these features have {known}.")
     return features.node[:, [features.node_names.index(name) for name in names]]
 
 

@@ -130,7 +130,7 @@ def _half_differences(
     """Return half the differences of min-marginals: what forcing a node to the other side adds to the flow.
 
     A force is taken back by one of the same size from the other terminal, which leaves the same cuts and a flow that is
-    larger by a constant. One call of maxflow a node, in place: copies of a graph are not safe to go on with.
+    larger by a constant. One call of maxflow a node, in place: copies of a graph are not safe to continue with.
     """
     halves = np.zeros(len(sources), np.int64)
     add, mark, augment = graph.add_tedge, graph.mark_node, graph.maxflow

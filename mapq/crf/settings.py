@@ -64,4 +64,4 @@ class TrainSettings:
             if value is not None and not 0.0 < value < math.inf:
                 raise ConfigError(f"crf: {name} {value}. Give one above 0, or separable labels would have no optimum.")
         if self.n_folds < 2:
-            raise ConfigError(f"crf: {self.n_folds} folds. Give 2 or more.")
+            raise ConfigError(f"crf: {self.n_folds} folds: must be at least 2.")

@@ -23,7 +23,7 @@ OVER, ACROSS = "worst_overlap", "worst_crossing"
 SHARES = ("partly_covered", "unlike_height", "facing_away")
 """Of the pair with the largest weighted overlap, in times this, which they contain."""
 LEFT_OUT = ("tilt",)
-"""Node features that are no evidence of an error: of walls of other places something else would be learnt."""
+"""Node features that are not evidence of an error: of walls of other places something else would be learnt."""
 RISING = {
     **dict.fromkeys(("disagreement", "disagreement_low", "disagreement_high"), 1),
     **dict.fromkeys(("fit", "thickness"), -1),

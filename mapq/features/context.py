@@ -1,4 +1,4 @@
-"""Context of pairs and patches beyond the paper: what looks like an error of the map, and is none.
+"""Context of pairs and patches beyond the paper: what looks like an error of the map but is right.
 
 Each group can be left out (`FeatureSettings.context`). What a map does not record (passes, sensors) is 0 in its column,
 neither for nor against; what scans disagree by is nan there. Columns of pairs are conflicts, W A, times something

@@ -40,7 +40,7 @@ INLIER = 0.25
 INFLATION = 4.0
 """Of the variances of motions: residuals of neighbouring cells go together."""
 FLOOR = 0.022
-"""Metres: standard error that nothing takes away, of rigid scans that are none and poses that were called right."""
+"""Metres: least standard error, as scans are not quite rigid and right poses not quite right."""
 SEEN_NEAR = (0.6, 1.3, 2.5)
 """Sides of a cell within which a scan that sees the surface sees the cell: at least, as counted, and at most."""
 ROUNDS = (2.0, 1.0)

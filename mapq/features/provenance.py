@@ -18,7 +18,7 @@ FIELDS = (SCAN, TIME, PASS, *TO_SENSOR)
 MOMENT = 10.0
 """Seconds of a moment, where times are known but scans are not."""
 MOST_MOMENTS = 1_000_000
-"""Times that span more are none: a field of that name may hold anything."""
+"""Values that span more are not times: a field of that name may hold anything."""
 
 
 class Span(NamedTuple):
@@ -60,7 +60,7 @@ def spans_of(cloud: PointCloud, names: tuple[str, ...]) -> dict[str, Span]:
 
 
 def span_of(cloud: PointCloud, name: str, number: NDArray[np.int64]) -> Span | None:
-    """Return what a field holds at some points (k,) of a cloud; None if it is no number a point."""
+    """Return what a field holds at some points (k,) of a cloud; None if it is not one number a point."""
     values = cloud.fields.get(name)
     if values is None or values.ndim != 1 or values.dtype.kind not in "fiub":
         return None
@@ -82,7 +82,7 @@ def decide(spans: Mapping[str, Span]) -> Known:
     scan, time = spans.get(SCAN, Span()), spans.get(TIME, Span())
     if _are_numbers(scan, least=1):
         moment = SCAN
-    # Below a moment in all, the field is no clock of the drive, such as the time within one turn of the laser.
+    # Below a moment in all, the field is not a clock of the drive, but such as the time within one turn of the laser.
     elif time.is_known and MOMENT < time.high - time.low < MOST_MOMENTS * MOMENT:
         moment, start = TIME, time.low
     elif _are_numbers(spans.get(PASS, Span()), least=2):

@@ -36,7 +36,7 @@ class FeatureSettings:
     n_neighbours : int
         Closest patches that each patch is joined to; the paper has four.
     radius : float
-        Metres (s of the paper, which gives no value): patches farther apart are no neighbours.
+        Metres (s of the paper, which gives no value): patches farther apart are not neighbours.
     tau : float
         Metres (tau of equation 10, no value either): weights fall to 1/e over it.
     eps : float
@@ -78,7 +78,7 @@ class FeatureSettings:
             raise ConfigError(f"features: reading '{self.reading}' is unknown. Give safe or literal.")
         for name in self.context:
             if name not in CONTEXTS:
-                raise ConfigError(f"features: there is no context {name}. Choose from {', '.join(CONTEXTS)}.")
+                raise ConfigError(f"features: context {name}: must be one of {', '.join(CONTEXTS)}.")
         if not 1 <= self.n_neighbours <= MOST_NEIGHBOURS:
             raise ConfigError(f"features: {self.n_neighbours} neighbours. Give 1 to {MOST_NEIGHBOURS}.")
         if not 0 <= self.n_watched <= MOST_NEIGHBOURS:
@@ -88,7 +88,7 @@ class FeatureSettings:
             if value is not None and not 0 < value < LONGEST:
                 raise ConfigError(f"features: {name} {value} m. Give a length above 0 and below {LONGEST:g}.")
         if self.up is not None and not 0 < math.hypot(*self.up) < math.inf:
-            raise ConfigError(f"features: up {self.up} is no direction.")
+            raise ConfigError(f"features: up {self.up}: must be three numbers, not all 0.")
 
     def tolerance_at(self, noise: float) -> float:
         """Return the distance in metres from which surfaces count as doubled: that given, more where noise is."""

@@ -163,7 +163,7 @@ def lay_out(shapes: PatchShapes) -> Sheets:
 def up_direction(patches: Patches, settings: FeatureSettings) -> Floats:
     """Return the unit vector (3,) that points up: of the settings, else of the segmentation, else z.
 
-    Raises InputError if the segmentation's is no direction.
+    Raises InputError if the segmentation's is not a direction.
     """
     given: Any = settings.up if settings.up is not None else patches.parameters.get("up")
     try:
@@ -172,7 +172,7 @@ def up_direction(patches: Patches, settings: FeatureSettings) -> Floats:
         up = np.zeros(3)
     length = float(np.linalg.norm(up))
     if not 0.0 < length < np.inf:
-        raise InputError(f"patches: parameter up, {given}, is no direction. Give three numbers, not all 0.")
+        raise InputError(f"patches: parameter up, {given}: must be three numbers, not all 0.")
     return np.asarray(up / length)
 
 

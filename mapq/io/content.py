@@ -61,7 +61,7 @@ class Content:
         return self._data
 
     def text(self) -> str:
-        """Return the content as UTF-8 text; bytes that are none are replaced."""
+        """Return the content as UTF-8 text; invalid bytes are replaced."""
         return self.data().decode("utf-8", "replace")
 
     @contextmanager
@@ -107,7 +107,7 @@ def damage_in_one_line(source: str) -> Iterator[None]:
     try:
         yield
     except BaseException as error:
-        is_panic = type(error).__module__.startswith("pyo3_runtime")  # of lazrs, which is no Exception
+        is_panic = type(error).__module__.startswith("pyo3_runtime")  # of lazrs, which is not an Exception
         if isinstance(error, PrfError) or not (is_panic or isinstance(error, Exception)):
             raise
         words = " ".join(str(error).split())[:120] or type(error).__name__

@@ -51,7 +51,7 @@ def read_e57(content: Content, options: ReadOptions) -> PointCloud:
 def open_e57(path: str, source: str) -> Any:
     """Open the E57 file `path`, which messages call `source`; InputError if it cannot be opened, or without pye57."""
     pye57 = require("pye57", "e57", f"{source}: E57", InputError)
-    with _reported(f"{source}: no E57 file that can be opened"):
+    with _reported(f"{source}: cannot be opened as E57"):
         return pye57.E57(path)
 
 

@@ -66,7 +66,7 @@ def make_cloud(fields: Mapping[str, Array], source: str, unit: float = 1.0) -> P
     axes = axes_of(list(fields), source)
     columns = [fields[name] for name in axes]
     if any(column.dtype.kind not in NUMBERS or column.ndim != 1 for column in columns):
-        raise InputError(f"{source}: x, y, z are not one real number a point each. Save coordinates as float.")
+        raise InputError(f"{source}: x, y, z must be one real number each per point. Save coordinates as float.")
     kind = np.float32 if all(column.dtype.newbyteorder("=") == np.float32 for column in columns) else np.float64
     world = np.empty((len(columns[0]), 3), kind)
     for axis, column in enumerate(columns):

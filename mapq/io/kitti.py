@@ -36,11 +36,13 @@ def read_kitti(content: Content, options: ReadOptions) -> PointCloud:
     other = 7 - width
     if len(data) % (4 * width):
         hint = f" It divides by {4 * other}: --set cloud.bin_columns={other}?" if len(data) % (4 * other) == 0 else ""
-        raise InputError(f"{source}: {len(data)} bytes are no whole number of points of {width} float32 columns.{hint}")
+        raise InputError(
+            f"{source}: {len(data)} bytes, expected a multiple of {4 * width} ({width} float32 columns a point).{hint}"
+        )
     values = np.frombuffer(data, "<f4")
     size = np.abs(values)
     if np.count_nonzero((size > LARGEST_COORDINATE) | ((size < 1e-20) & (size > 0))) > 0.01 * len(values):
-        raise InputError(f"{source}: the content is no float32 coordinates, so this is no .bin of KITTI.")
+        raise InputError(f"{source}: expected float32 coordinates, as in a .bin of KITTI.")
     likely = _likely_columns(size, width)
     if likely != width:
         advice = f"Use --set cloud.bin_columns={likely}" if likely <= len(NAMES) else "Save it as PLY or .npy"

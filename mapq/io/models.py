@@ -170,7 +170,7 @@ def _parse_scaling(path: Path, scaling: Mapping[str, Any]) -> Scaling:
 def _finite(path: Path, values: list[float], what: str) -> NDArray[np.float64]:
     numbers = np.array(values, np.float64)
     if not np.isfinite(numbers).all():
-        raise damaged(path, f"{what}: {repr(values)[:40]} is not finite numbers")
+        raise damaged(path, f"{what}: {repr(values)[:40]}: must be finite numbers")
     return numbers
 
 
@@ -187,7 +187,7 @@ def _parse_potential(path: Path, content: Mapping[str, Any]) -> Potential:
         for at, text in enumerate(tree):
             row = _parse_node(text, names, begin)
             if row[0] != LEAF and not all(begin + at < end < begin + len(tree) for end in row[2:4]):
-                raise damaged(path, f"potential.trees.{number}.{at} is no node: {text[:60]!r}")
+                raise damaged(path, f"potential.trees.{number}.{at}: expected a node, got {text[:60]!r}")
             rows.append(row)
     table = np.array(rows, np.float64).reshape(-1, 6).T
     column, left, right = (table[place].astype(np.int64) for place in (0, 2, 3))

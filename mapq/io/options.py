@@ -35,9 +35,9 @@ class ReadOptions:
     def __post_init__(self) -> None:
         """Check the values."""
         if self.bin_columns not in (3, 4):
-            raise UsageError(f"bin_columns {self.bin_columns} is neither 3 nor 4.")
+            raise UsageError(f"bin_columns {self.bin_columns}: must be 3 or 4.")
         if self.unit is not None and not 1e-9 <= self.unit <= 1e6:
-            raise UsageError(f"unit {self.unit:g} is not a length from 1e-09 to 1e+06 m.")
+            raise UsageError(f"unit {self.unit:g}: must be from 1e-09 to 1e+06 m.")
 
     def refuse_given(self, path: str) -> None:
         """Raise UsageError if anything is given for the PATCHES file `path`, which holds its unit."""
@@ -60,5 +60,5 @@ def parse_unit(text: str) -> float:
     except ValueError:
         metres = math.nan
     if not 0.0 < metres < math.inf:
-        raise ValueError(f"{text} is no unit. Give one of {', '.join(UNITS)}, or how many metres it is")
+        raise ValueError(f"'{text}': must be one of {', '.join(UNITS)}, or its length in metres such as 0.01")
     return metres

@@ -76,7 +76,7 @@ def parse_stored(data: bytes, path: str | os.PathLike[str]) -> Patches:
     """Return the patches in the bytes of a PATCHES file, without its journal; else as :func:`parse_patches`."""
     file = Path(path)
     if not data.startswith(ZIP_MAGIC):
-        raise InputError(f"{path}: this is no PATCHES file. Make one with mapq segment.")
+        raise InputError(f"{path}: expected a PATCHES file. Make one with mapq segment.")
     with damage_in_one_line(str(path)):
         with np.load(io.BytesIO(data), allow_pickle=False) as archive:
             arrays = {name: archive[name] for name in archive.files}

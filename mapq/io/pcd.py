@@ -107,14 +107,14 @@ def _n_points(entries: dict[str, list[str]], source: str) -> int:
     if points is None and grid is None:
         raise InputError(f"{source}: the PCD header has neither POINTS nor WIDTH. Write it anew.")
     if points is not None and grid and grid != points:
-        raise InputError(f"{source}: POINTS is {points}, but WIDTH x HEIGHT is {grid}. Mend the header.")
+        raise InputError(f"{source}: POINTS is {points}, but WIDTH x HEIGHT is {grid}. Correct the header.")
     return points if points is not None else grid or 0
 
 
 def _number(text: str, key: str, source: str) -> int:
     number = as_count(text)
     if number is None:
-        raise InputError(f"{source}: {key} {text[:24]!r} of the PCD header is not a count. Mend the header.")
+        raise InputError(f"{source}: {key} {text[:24]!r} of the PCD header must be a count. Correct the header.")
     return number
 
 

@@ -108,7 +108,9 @@ def parse_header(data: bytes, source: str) -> Header:
             case [] | ["ply" | "comment" | "obj_info", *_]:
                 pass
             case _:
-                raise InputError(f"{source}:{number}: {line.strip()[:60]!r} is no line of a PLY header. Write it anew.")
+                raise InputError(
+                    f"{source}:{number}: {line.strip()[:60]!r} does not belong into a PLY header. Export it again."
+                )
     if not format_name:
         raise InputError(f"{source}: the PLY header has no format line. Write the file anew.")
     return Header(format_name, elements, len(lines), found.end())

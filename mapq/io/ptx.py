@@ -95,6 +95,6 @@ def _head(lines: list[bytes], line: int, source: str) -> tuple[int, Array]:
     if not np.abs(matrix[:, 3] - [0.0, 0.0, 0.0, 1.0]).max() <= 1e-6:
         raise InputError(
             f"{source}:{line + 6}: the last column of this matrix is not 0 0 0 1. PTX has the translation in its last "
-            f"row; mend the header."
+            f"row; correct the header."
         )
     return n_cells, matrix

@@ -66,9 +66,11 @@ def open_result_folder(path: str, options: ReadOptions = AS_IT_IS) -> ResultFold
     for tile, head in zip(tiles, heads, strict=True):
         missing = [name for name in RESULT_FIELDS if name not in head.fields]
         if missing:
-            raise InputError(f"{tile}: this is no tile of a result (no field {missing[0]}). Run mapq classify again.")
+            raise InputError(
+                f"{tile}: expected a tile of a result, with the field {missing[0]}. Run mapq classify again."
+            )
         if not np.array_equal(head.unit, heads[0].unit):
-            raise InputError(f"{tile}: its unit is not that of {tiles[0]}. Classify them with --unit.")
+            raise InputError(f"{tile}: its unit differs from that of {tiles[0]}. Classify them with --unit.")
     box = np.array([np.min([head.low for head in heads], axis=0), np.max([head.high for head in heads], axis=0)])
     return ResultFolder(path, Path(path, RESULT_JSON), tiles, heads, choose_shift(box), options)
 

@@ -61,7 +61,7 @@ def parse_rows(body: bytes, dtype: np.dtype[np.void], source: str, first_line: i
             end = middle
     text, width = lines[begin].decode("utf-8", "replace").strip()[:40], len(dtype.names or ())
     raise InputError(
-        f"{source}:{first_line + begin}: {text!r} does not hold {width} numbers. Remove or mend this line; decimals "
+        f"{source}:{first_line + begin}: {text!r} does not hold {width} numbers. Remove or correct this line; decimals "
         f"need a point."
     )
 
@@ -139,7 +139,7 @@ def is_number(text: str) -> bool:
 
 
 def as_count(text: str) -> int | None:
-    """Return a field as a whole number of at least 0, None if it is none (or has more than 15 digits)."""
+    """Return a field as a whole number of at least 0, None if it is not one (or has more than 15 digits)."""
     return int(text) if text.isascii() and text.isdigit() and len(text) < 16 else None
 
 
@@ -182,9 +182,7 @@ def _names(head: _Head, width: int, source: str) -> list[str]:
     if head.names is None:
         return [*"xyz"[:width], *numbered_columns(width)]
     if len(head.names) != width:
-        raise InputError(
-            f"{source}:{head.line}: {width} columns under a header of {len(head.names)}. Mend the header or this line."
-        )
+        raise InputError(f"{source}:{head.line}: {width} columns under a header of {len(head.names)}. Correct either.")
     return [name or f"column_{number}" for number, name in enumerate(head.names, 1)]
 
 

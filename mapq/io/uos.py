@@ -47,7 +47,9 @@ def read_uos_pose(path: str) -> NDArray[np.float64]:
     except ValueError:
         values = np.empty(0)
     if len(values) != 6 or not (np.abs(values) <= LARGEST_COORDINATE).all():
-        raise InputError(f"{path}: not six numbers. A .pose file of 3DTK has x y z (cm) and three angles (degrees).")
+        raise InputError(
+            f"{path}: expected six numbers. A .pose file of 3DTK has x y z (cm) and three angles (degrees)."
+        )
     pose = np.eye(4)
     pose[:3, :3] = AXES @ Rotation.from_euler("XYZ", values[3:], degrees=True).as_matrix() @ AXES.T
     pose[:3, 3] = AXES @ values[:3] * CENTIMETRE

@@ -81,7 +81,7 @@ class LabelServer(ThreadingHTTPServer):
 
     def handle_error(self, request: Any, client_address: Any) -> None:
         """Log browsers that hang up, in the details alone."""
-        logger.debug("a connection broke off", exc_info=True)
+        logger.debug("a connection was closed early", exc_info=True)
 
 
 class _Handler(BaseHTTPRequestHandler):
@@ -184,7 +184,7 @@ class _Handler(BaseHTTPRequestHandler):
         except (ValueError, RecursionError):
             found = None
         if not isinstance(found, dict):
-            raise _Refused(HTTPStatus.BAD_REQUEST, "no JSON object")
+            raise _Refused(HTTPStatus.BAD_REQUEST, "expected a JSON object")
         return found
 
     def _object(self, make: Callable[[], dict[str, Any]]) -> tuple[HTTPStatus, str, bytes]:

@@ -59,7 +59,7 @@ def label_by_hand(path: str, model: Model | None = None, port: int = 0, browser:
     Raises
     ------
     InputError
-        If `path` is no PATCHES file, has no patches, or `model` cannot measure it.
+        If `path` is not a PATCHES file, has no patches, or `model` cannot measure it.
     OutputError
         If another process labels it, or the labels cannot be stored in it; they are in its journal then.
     UsageError

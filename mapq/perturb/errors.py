@@ -50,7 +50,7 @@ class PoseErrors:
         for flag, values in sizes.items():
             for value in values:
                 if not (math.isfinite(value) and 0.0 <= value <= LARGEST):
-                    raise UsageError(f"{flag} {value:g} is not from 0 to {LARGEST:g}. Give a size; the seed signs it.")
+                    raise UsageError(f"{flag} {value:g}: must be from 0 to {LARGEST:g}. The seed draws its sign.")
 
     @property
     def is_none(self) -> bool:

@@ -1,7 +1,7 @@
 """By how much scans disagree where no right poses are known: their pieces are laid onto each other.
 
 A piece of a scan, some twenty metres wide, is registered to every other scan near it. What does not overlap after that
-was seen from elsewhere or hidden, and is no evidence. Of the points of 5 scans of KITTI that both these and right poses
+was seen from elsewhere or hidden: not evidence. Of the points of 5 scans of KITTI that both these and right poses
 call plausible or suspicious, 7 % are called differently.
 """
 

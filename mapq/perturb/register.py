@@ -107,7 +107,7 @@ def _starts(piece: Piece, sheet: Sheet, search: float, sided: bool) -> list[Floa
     distance, nearest = sheet.tree.query(places, distance_upper_bound=START_FIT)
     facing = _facing(np.tile(piece.normal[some], (len(shifts), 1)), sheet, nearest, sided)
     score = (facing & np.isfinite(distance)).reshape(len(shifts), -1).mean(axis=1)
-    # The smaller of two displacements that fit alike is first; those next to one that is taken are no other.
+    # The smaller of two displacements that fit alike is first; those next to one that is taken are the same.
     order = np.lexsort((np.hypot(shifts[:, 0], shifts[:, 1]), -score))
     chosen = [np.zeros(3)]
     for row in order.tolist():

@@ -37,9 +37,7 @@ def warn_of_poses(scans: PosedScans, xyz: NDArray[np.float64], scan: NDArray[np.
     elif np.median(np.linalg.norm(xyz[some] - place[scan[some]], axis=1)) < FOLLOWS * middle:
         words = "the points follow the poses, so they are in the frame of the map already: --set scans.frame=map"
     elif np.median(np.abs(scans.poses[:, 2, 2])) < UPRIGHT:
-        words = (
-            "the sensors lie on their side, so floors stand on edge. --calibration takes poses of a camera to the laser"
-        )
+        words = "the sensors lie on their side, so floors would be vertical. --calibration turns poses of a camera"
     elif len(scans) > 1 and (apart := float(np.median(cKDTree(place).query(place, k=2)[0][:, 1]))) > 2.0 * reach:
         words = f"scans are {apart:.3g} m apart and see {reach:.3g} m far. Are poses in metres, and points (--unit)?"
     if words:

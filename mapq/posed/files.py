@@ -22,7 +22,7 @@ TICKS = {10: 1.0, 13: 1e-3, 16: 1e-6, 19: 1e-9}
 LAST_NUMBER = re.compile(r"\d+(?=\D*$)")
 """What numbers the files of a set: ``scan2_007.pcd`` is the seventh."""
 RESULT = ".classified."
-"""In the names of results, which are no scans."""
+"""In the names of results, which are not scans."""
 MOST_LISTED = 4
 """Sets of scans, or files of poses, that a message names."""
 

@@ -49,7 +49,7 @@ class FindSettings:
     quaternion : {"xyzw", "wxyz"} or None
         See :func:`prf.shell.poses.files.read_pose_file`.
     frame : {"sensor", "map"} or None
-        Of the points. In the frame of the map poses only say where the sensor was. None: that of the sensor; of PCD
+        Of the points. In the frame of the map poses only place the sensor. None: that of the sensor; of PCD
         whose VIEWPOINT has the poses, the one that fits.
     options : ReadOptions
         How to read a scan; E57 states all of it.
@@ -168,7 +168,7 @@ def _sensor_poses(
     """Return the poses (n, 4, 4) of a file as those of the sensor: KITTI's are those of a camera.
 
     A calibration that is named for these poses is used. One beside them, or one that was named for others, is
-    used unless they plainly are no camera's: registration writes poses of the laser in the same layout.
+    used unless they are clearly not a camera's: registration writes poses of the laser in the same layout.
     """
     given, poses, ahead = settings.calibration, table.poses, looks_ahead(table.poses)
     if given == NO_CALIBRATION:
@@ -182,7 +182,7 @@ def _sensor_poses(
             logger.warning("%s: does not move along its z axis as a camera does. Is %s meant for it?", path, found)
         return taken
     if ahead:
-        words = "the sensor moves along its z axis: poses of a camera, by which floors would stand on edge. Give the "
+        words = "the sensor moves along its z axis: poses of a camera, with which floors would be vertical. Give the "
         words += "calib.txt of the sequence with --calibration, or --calibration none if the scans have these axes."
         if is_kitti:
             raise InputError(f"{path}: {words}")

@@ -29,7 +29,7 @@ def read_calibration(path: str) -> Floats:
             where = [f"{path}:{number}"]
             values = numbers([rest.split()], where)
             if values.shape != (1, 12):
-                raise InputError(f"{where[0]}: not the 12 numbers of a 3x4 matrix. Give a calib.txt of KITTI.")
+                raise InputError(f"{where[0]}: expected the 12 numbers of a 3x4 matrix. Give a calib.txt of KITTI.")
             return np.asarray(matrix_poses(values, where)[0])
     raise InputError(f"{path}: no row Tr: with the 12 numbers of the motion from laser to camera. Give a calib.txt.")
 

@@ -47,7 +47,7 @@ class Findings(NamedTuple):
     normal: Floats  # (m, 3)
 
     def part(self, *names: str) -> Row:
-        """Return an object inside the JSON, empty where it is none."""
+        """Return an object inside the JSON, empty where it is missing."""
         found: Any = self.head
         for name in names:
             found = found.get(name) or {}
@@ -74,7 +74,7 @@ class Findings(NamedTuple):
 def read_findings(path: str) -> Findings:
     """Read a RESULT and the JSON beside it, or a result in tiles and the JSON among them.
 
-    Raises InputError if either is missing or damaged, the file is no result, or the two do not belong together.
+    Raises InputError if either is missing or damaged, the file is not a result, or the two do not belong together.
     """
     if path == STREAM:
         raise UsageError("a report needs RESULT and the JSON beside it, which standard input does not have. Name it.")
@@ -83,7 +83,7 @@ def read_findings(path: str) -> Findings:
         raise InputError(f"{path}: these are patches without labels of a model. Run mapq classify {path} first.")
     if isinstance(stored, PointCloud):
         missing = next(name for name in RESULT_FIELDS if name not in stored.fields)
-        raise InputError(f"{path}: this is no result (no field {missing}). Run mapq classify {path} first.")
+        raise InputError(f"{path}: expected a result, with the field {missing}. Run mapq classify {path} first.")
     return findings_of(stored, *stored.content())
 
 

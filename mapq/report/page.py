@@ -22,12 +22,12 @@ DASH = "–"
 
 
 def number(value: Any, digits: int = 1, unit: str = "") -> str:
-    """Return a number of a file as text, a dash where it is none."""
+    """Return a number of a file as text, a dash for null."""
     return DASH if value is None or not math.isfinite(value) else f"{value:,.{digits}f}{unit}"
 
 
 def percent(value: Any) -> str:
-    """Return a share as text, a dash where it is none."""
+    """Return a share as text, a dash for null."""
     return DASH if value is None else number(100.0 * value, 1, " %")
 
 
@@ -301,5 +301,5 @@ def page_data(findings: Findings, scene: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _short(values: list[Any], digits: int = DIGITS) -> list[Any]:
-    """Return numbers with a few significant digits; what is none stays null."""
+    """Return numbers with a few significant digits; nan becomes null."""
     return [float(f"{value:.{digits}g}") if isinstance(value, float) else value for value in values]

@@ -74,7 +74,7 @@ def find_causes(
     points were seen is not known, and so no cause.
     """
     if visits is None:
-        nothing = Cause(UNKNOWN, "the map does not tell by which scans or when it was seen", {})
+        nothing = Cause(UNKNOWN, "the map does not record by which scans or when it was seen", {})
         return {int(patch): nothing for patch in np.flatnonzero(suspicious)}
     copies, reach, apart = copies_of(features, len(patches)), reach_of(features), features.disagreement
     return {
@@ -126,7 +126,7 @@ def cause_of(spread: Spread, visits: Visits, apart: Floats) -> Cause:
     if max(by_visit, by_scan) < np.sqrt(2.0) * thickness:
         return Cause(UNKNOWN, f"within each {visits.unit} it spreads as far as from one to another", measures)
     if visits.unit != "pass" and not np.isfinite(spread.scans):
-        return Cause(UNKNOWN, f"no two {several} of one visit saw it, by which to tell", measures)
+        return Cause(UNKNOWN, f"no two {several} of one visit saw it, which could show the cause", measures)
     if by_visit < CLEARLY * by_scan:
         return Cause(LOCAL, f"{several} of one visit put it {metres:.2f} m{bounds} apart", measures)
     if spread.gap is None or visits.unit == "pass":

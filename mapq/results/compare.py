@@ -70,7 +70,7 @@ def compare(first: Judged, second: Judged, cell: float) -> Comparison:
     """Return how the second map differs from the first, cell by cell.
 
     `first` and `second`: in one frame: nothing is aligned. `cell`: side in metres of the cubes that are compared;
-    larger than what walls moved by between the maps. Raises UsageError if the cell is no length; InputError if no cell
+    larger than walls moved between the maps. Raises UsageError unless the cell is a length; InputError if no cell
     has patches of both.
     """
     check_cell(cell)
@@ -128,9 +128,9 @@ def _disagreement(keys: NDArray[np.int64], area: Floats, apart: Floats, cell: fl
 
 
 def check_cell(cell: float) -> None:
-    """Raise UsageError if the side of the cubes is no length."""
+    """Raise UsageError unless the side of the cubes is a length."""
     if not 0.0 < cell < 1e6:
-        raise UsageError(f"--cell {cell:g} is no length in metres. Give one above 0.")
+        raise UsageError(f"--cell {cell:g}: must be a length in metres above 0.")
 
 
 def _sums(judged: Judged, cell: NDArray[np.int64], n_cells: int) -> Floats:

@@ -177,7 +177,7 @@ def _piece(cloud: PointCloud, path: str, name: str) -> tuple[NDArray[Any], ...]:
     numbers, first, of_point = np.unique(number[inside], return_index=True, return_inverse=True)
     label, probability = label[inside][first], probability[inside][first]
     if not (np.isin(label, (PLAUSIBLE, SUSPICIOUS)) & (probability >= 0.0) & (probability <= 1.0)).all():
-        raise InputError(f"{path}: its labels are not what mapq classify writes. Run it again.")
+        raise InputError(f"{path}: expected labels of mapq classify. Run it again.")
     patch = np.full(len(cloud), NO_PATCH, np.int32)
     patch[inside] = of_point
     return numbers, label, probability, votes(patch, len(numbers), truth_values(cloud.fields, name, patch, path))

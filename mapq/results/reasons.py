@@ -75,7 +75,7 @@ class Reasons:
     def of(self, patch: int, sign: float, n_most: int) -> list[Reason]:
         """Return at most `n_most` reasons of a patch, largest first.
 
-        `sign`: reasons for suspicious, or for plausible. All features of one pair are one reason; the bias is none.
+        `sign`: reasons for suspicious, or for plausible. All features of one pair are one reason; the bias is not one.
         """
         found = [reason for reason in self._all(patch) if sign * reason.log_odds > 0.0]
         found.sort(key=lambda reason: -abs(reason.log_odds))

@@ -245,7 +245,7 @@ class Result:
         return dict(sorted(area.items(), key=lambda item: -item[1]))
 
     def reasons(self, patch: int, n_most: int = N_REASONS) -> list[Reason]:
-        """Return what speaks most for the label of a patch, in words and in log-odds.
+        """Return the main reasons for the label of a patch, in words and in log-odds.
 
         Raises
         ------
@@ -278,7 +278,7 @@ class Result:
         """
         for name, limit in (("fail_over", fail_over), ("min_coverage", min_coverage)):
             if limit is not None and not 0.0 <= limit <= 1.0:
-                raise ArgumentError(f"{name} {limit}: must be a share between 0 and 1.")
+                raise ArgumentError(f"{name} {limit}: must be a share between 0 and 1, such as 0.05.")
         share, coverage = self.counts["share_of_area"], self.coverage
         is_good = bool(len(self.patches)) and not share > (fail_over or 0.0) and not coverage < min_coverage
         return {

@@ -22,7 +22,7 @@ FIELDS = (SCAN, *TIMES, *PASSES, *TO_SENSOR)
 MOMENT = 1.0
 """Seconds of a moment, where scans are not known."""
 MOST_MOMENTS = 1_000_000
-"""Times that span more are none: a field of that name may hold anything."""
+"""Values that span more are not times: a field of that name may hold anything."""
 AWAY = 40.0
 """Metres driven since a surface was last seen from which on seeing it again is another visit; where it is not known
 where the sensor was, metres that what it saw lies away from what it saw then."""

@@ -83,14 +83,14 @@ def _report(progress: Report | None, done: int) -> None:
 
 
 def _refuse_lines(points: Points, cloud: PointCloud) -> None:
-    """Raise if there is no plane to be had."""
+    """Raise if the points cannot hold a plane."""
     name = cloud.source or "the cloud"
     if len(points.xyz) < FEWEST_POINTS:
         raise InputError(
             f"{name}: {len(points.xyz)} distinct finite points of {len(cloud)}; a plane needs {FEWEST_POINTS}."
         )
     if _on_one_line(points.xyz):
-        raise InputError(f"{name}: all {len(points.xyz)} points lie on one line; there is no plane in it.")
+        raise InputError(f"{name}: all {len(points.xyz)} points lie on one line, so there are no planes.")
 
 
 def _on_one_line(xyz: NDArray[np.float64]) -> bool:

@@ -132,7 +132,7 @@ def report_of(fits: Fits, chosen: Parameters, n_points: Ints, areas: Floats) -> 
 
 
 def is_large(fits: Fits, chosen: Parameters) -> NDArray[np.bool_]:
-    """Return which regions (m,) have points and width enough, and are no slabs."""
+    """Return which regions (m,) have points and width enough, and are not slabs."""
     thickness, side = np.sqrt(np.nan_to_num(fits.spread[:, 0])), np.sqrt(np.nan_to_num(fits.spread[:, 1]))
     wide = (np.sqrt(12.0) * side >= chosen.min_extent) & (side >= WIDTH_IN_THICKNESS * thickness)
     return np.asarray(wide & (fits.sums[:, 0] >= max(chosen.min_points, 3)))

@@ -14,7 +14,7 @@ from mapq.segmentation.settings import SegmentSettings
 
 DISTANCE_IN_NOISE = 3.0
 DISTANCE_IN_SPACING = 0.1
-"""Where there is no noise: surfaces are no planes to within less than a tenth of what the points resolve."""
+"""Where there is no noise: surfaces are not flat to within less than a tenth of what the points resolve."""
 GAP_IN_SPACING = 4.0
 """Of 16 neighbours at random on a surface the last is 2.3 spacings away; a gap of 4 is a gap in 1 of 10 000 places."""
 ANGLE_BASE, ANGLE_PER_ERROR = 8.0, 4.0

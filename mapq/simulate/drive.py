@@ -209,7 +209,7 @@ def summarise(
 
 
 def find_look_alikes(world: World, surface: NDArray[np.int32]) -> NDArray[np.bool_]:
-    """Return which surfaces (n_surfaces,) look like an error and are none, given the surface (n,) of each point.
+    """Return which surfaces (n_surfaces,) look like an error but are right, given the surface (n,) of each point.
 
     Of two walls close to each other both must be seen: one face of a gap between buildings is a wall like any other.
     """

@@ -56,7 +56,7 @@ class Settings(Table):
             If there is no such size, or a value is outside its domain.
         """
         if size not in SIZES:
-            raise UsageError(f"--size {size} is none of {', '.join(SIZES)}, nor city.")
+            raise UsageError(f"--size {size}: must be one of {', '.join(SIZES)}, city.")
         given = {name: value for name, value in changes.items() if value is not None}
         try:
             return cls(**{**SIZES[size], **given})

@@ -69,9 +69,9 @@ class TileSettings:
         """Raise UsageError for settings outside their domains."""
         self.segment.check()
         if self.tile_points < FEWEST_TILE_POINTS:
-            raise UsageError(f"--tile-points {self.tile_points} is less than {FEWEST_TILE_POINTS}.")
+            raise UsageError(f"--tile-points {self.tile_points}: must be at least {FEWEST_TILE_POINTS}.")
         if not 1 <= self.n_workers <= MOST_WORKERS:
-            raise UsageError(f"--workers {self.n_workers} is not from 1 to {MOST_WORKERS}.")
+            raise UsageError(f"--workers {self.n_workers}: must be from 1 to {MOST_WORKERS}.")
         if self.scheduler is not None and self.n_workers != 1:
             raise UsageError("--workers and --scheduler exclude one another: Dask has workers of its own.")
 

@@ -22,7 +22,7 @@ FACTOR: dict[str, Any] = {"ge": -MAX_FACTOR, "le": MAX_FACTOR}
 
 
 def check_length(name: str, value: float) -> None:
-    """Raise ConfigError if parameter `name` is no length that a sensor may have."""
+    """Raise ConfigError unless parameter `name` is a length that a sensor may have."""
     if not MIN_LENGTH <= value <= LARGEST_RANGE:
         raise ConfigError(
             f"{name} {value}: must be a positive number of metres, from {MIN_LENGTH:g} to {LARGEST_RANGE:g}"

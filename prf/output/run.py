@@ -84,7 +84,7 @@ class Run(RunData):
         Raises
         ------
         ArgumentError
-            If the points are no (n, 2) array of finite numbers.
+            If the points are not an (n, 2) array of finite numbers.
         InputError
             If there are no draws yet.
         """
@@ -124,7 +124,7 @@ class Run(RunData):
         Raises
         ------
         ArgumentError
-            If a path is no (k, 2) array of finite numbers.
+            If a path is not a (k, 2) array of finite numbers.
         InputError
             If there are no draws yet.
         """

@@ -61,7 +61,7 @@ def align(scans: Scans, poses: Floats, pull: Pull, error: float, rng: np.random.
 
 
 def dispersed(scans: Scans, poses: Floats, pull: Pull, rng: np.random.Generator) -> Floats:
-    """Return a draw (n, 3) from the normal approximation round aligned poses, closer where few points tell of them."""
+    """Return a draw (n, 3) from the normal approximation round aligned poses, closer where few points fix them."""
     lines = common_lines(scans, poses, SMALLEST, NARROW, rng)
     push = rng.standard_normal(len(lines.weight)) / np.sqrt(lines.weight)
     pushed = lines._replace(distance=lines.distance + push)
@@ -123,7 +123,7 @@ def _solve(lines: Lines, poses: Floats, pull: Pull, rng: np.random.Generator | N
         [np.bincount(lines.owner, weighed[:, i] * lines.lever[:, j], n) for i in range(3) for j in range(3)]
     )
     own = csc_matrix(block_diag(list(blocks.T.reshape(n, 3, 3)))) + held
-    # Two unknowns a line are eliminated: its offset, and its slope, which the normals of its points say roughly.
+    # Two unknowns a line are eliminated: its offset, and its slope, which the normals of its points give roughly.
     form = np.column_stack([np.ones(len(lines.along)), lines.along])
     column = lines.line[:, None] + [0, lines.n_lines]
     mass = np.bincount(column.ravel(), (lines.weight[:, None] * form**2).ravel()) + np.repeat(

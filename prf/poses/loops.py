@@ -1,7 +1,7 @@
 """Loops closed: pieces of the way matched with earlier ones, as far as the drift's uncertainty allows.
 
 A match counts if it is good, if it agrees with the uncertainty of the way between, and if the graph of all poses can
-follow it; what it leaves open (the place along a corridor) its covariance says. Closures within a small uncertainty
+follow it; what it leaves open (the place along a corridor) is in its covariance. Closures within a small uncertainty
 come first: each of them narrows the search for the others.
 """
 
@@ -56,7 +56,7 @@ class _Piece(NamedTuple):
 def close_loops(scans: Scans, poses: Floats, chain: Pull) -> tuple[Floats, list[LoopMatch]]:
     """Return poses (n, 3) with loops closed, and all plausible closures.
 
-    `poses`: right from each to the next, as far as scans can tell. `chain`: what is known of each step.
+    `poses`: right from each to the next, as far as scans can show. `chain`: what is known of each step.
     """
     pieces = _pieces(scans, poses)
     found, tried = list[LoopMatch](), set[tuple[int, int]]()

@@ -22,7 +22,7 @@ SAME_TIME = 0.1
 """Seconds between scans of two sensors up to which these share a state: errors change more slowly than poses."""
 
 STAND = np.array([1e-3, 1e-3, 1e-4])
-"""Standard deviations (m, m, rad) that a step of the odometry has at least: of a robot that stands."""
+"""Standard deviations (m, m, rad) that a step of the odometry has at least: of a robot that does not move."""
 
 
 class PosePrior(NamedTuple):

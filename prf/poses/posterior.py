@@ -1,4 +1,4 @@
-"""A trajectory that was sampled: what its draws say of each pose, and figures to judge it by."""
+"""A trajectory that was sampled: the draws of each pose, and figures to judge it by."""
 
 from __future__ import annotations
 

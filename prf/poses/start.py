@@ -24,7 +24,7 @@ logger = logging.getLogger(__name__)
 FAR = 5.0  # metres, a usual range: how far an error of the heading moves points
 HELD = 1e6  # one over the standard deviation, m or rad, of the first pose where it fixes the frame
 LEFT = 0.1  # metres that points lie apart once loops are closed, about
-MOST_POINTS = 200_000  # more say little more
+MOST_POINTS = 200_000  # more add little
 
 
 class Start(NamedTuple):

@@ -100,7 +100,7 @@ def _readings(pose: ArrayLike, angle: ArrayLike, ranges: ArrayLike, cone: float,
     on_sensor = np.broadcast_to(checked("angle", beams, shape, WIDEST, "radians"), distance.shape)
     row, beam = np.nonzero(distance > 0.0)
     if len(row) == 0:
-        raise ArgumentError("ranges: none is a reading (all are nan or 0).")
+        raise ArgumentError("ranges: all are nan or 0, so there is no reading. Give metres, and inf for no return.")
     of_beam = poses[row, beam] if poses.ndim == 3 else poses[row]
     notes = LogNotes("arrays", n_zero_ranges=int((distance == 0.0).sum()), n_invalid=int(np.isnan(distance).sum()))
     return Readings.from_arrays(
@@ -121,12 +121,12 @@ def _ranges(ranges: ArrayLike) -> Floats:
     _require_shape("ranges", distance, (None, None))
     if (distance < 0.0).any():
         place = _first(distance < 0.0)
-        raise ArgumentError(f"ranges{list(place)} is {distance[place]:g}: negative. Give inf where there is no return.")
+        raise ArgumentError(f"ranges{list(place)} is {distance[place]:g}: must be at least 0, or inf for no return.")
     far = np.isfinite(distance) & (distance > LONGEST)
     if far.any():
         place = _first(far)
         raise ArgumentError(
-            f"ranges{list(place)} is {distance[place]:g} m: metres are wanted, and inf where there is no return."
+            f"ranges{list(place)} is {distance[place]:g} m: must be a distance in metres, or inf for no return."
         )
     return distance
 
@@ -161,7 +161,7 @@ def _numbers(name: str, values: ArrayLike) -> Floats:
     try:
         return np.ascontiguousarray(values, dtype=np.float64)
     except (TypeError, ValueError):
-        raise ArgumentError(f"{name}: is no array of numbers.") from None
+        raise ArgumentError(f"{name}: must be an array of numbers.") from None
 
 
 def _require_shape(name: str, array: NDArray[Any], shape: tuple[int | None, ...]) -> None:

@@ -32,13 +32,13 @@ TF_TYPES = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 ODOMETRY = "nav_msgs/msg/Odometry"
 POSES = (ODOMETRY, "geometry_msgs/msg/PoseWithCovarianceStamped", "geometry_msgs/msg/PoseStamped")
 TRUTH = "truth"  # in the name of a topic of odometry that is a simulator's true pose
-NO_POSES = ("goal", "initialpose", "target", "setpoint")  # in names of topics that say where a robot should be
+NO_POSES = ("goal", "initialpose", "target", "setpoint")  # in names of topics of places where a robot should be
 BASES = ("base_link", "base_footprint")  # ends of the names of the frame that programs call the robot
 WORLDS = ("map", "odom", "world", "earth")
 
 TILT = np.sin(np.radians(5.0))  # sine of the tilt from which on a remark is due
 
-INFRARED = 1  # radiation type of a Range message that is no sound
+INFRARED = 1  # radiation type of a Range message that is not sound
 
 
 class _Raw(NamedTuple):
@@ -180,7 +180,7 @@ def _robot_frame(tree: FrameTree, sensor: str, frame: str | None, source: str) -
     name = frame_name(frame)
     if not tree.is_rigid(name, sensor):
         raise ConfigError(
-            f"--frame {frame}: with --poses it is the frame that these are of, and must sit rigidly on the sensor; "
+            f"--frame {frame}: with --poses it names the frame of the poses, which must be fixed to the sensor; "
             f"{source} has {', '.join(held)}."
         )
     return name
@@ -230,7 +230,9 @@ def _place(raws: list[_Raw], tree: FrameTree, bag: Bag, fixed: str) -> tuple[lis
         missing = len(raws) - len(placed)
         remarks.append(f"{missing} of {len(raws)} scans lie outside the time of the transforms from {fixed}: dropped")
     if tilt > TILT:
-        remarks.append(f"the sensor is tilted by up to {np.degrees(np.arcsin(min(tilt, 1.0))):.0f} degrees: laid flat")
+        remarks.append(
+            f"the sensor is tilted by up to {np.degrees(np.arcsin(min(tilt, 1.0))):.0f} degrees: projected to the plane"
+        )
     return placed, remarks
 
 
@@ -248,7 +250,7 @@ def _unfixed(tree: FrameTree, bag: Bag, fixed: str, sensor: str) -> str:
     has = f"tf leads from {sensor!r} up to {', '.join(map(repr, roots))}" if roots else f"tf has no {sensor!r}"
     with_poses = f", topics of poses are {', '.join(topics)}" if topics else ""
     advice = "Record /tf and /tf_static too, give a trajectory with --poses, or leave --frame out if it was given."
-    return f"{bag.source}: no way from the fixed frame {fixed!r} to the sensor: {has}{with_poses}. {advice}"
+    return f"{bag.source}: no transforms lead from the fixed frame {fixed!r} to the sensor: {has}{with_poses}. {advice}"
 
 
 def _infrared(bag: Bag, kind: Kind, topics: list[str]) -> list[str]:

@@ -143,7 +143,7 @@ def _read_lasers(
         )
     present = [name for name in (*POSE_LINES, RAW_ODOMETRY) if name in lines]
     if frame is not None and frame not in present:
-        raise ConfigError(f"--frame {frame}: {source} has {', '.join(present) or 'no lines that give poses alone'}.")
+        raise ConfigError(f"--frame {frame}: {source} has {', '.join(present) or 'no lines of poses'}.")
     chosen = lasers if device is None else [device]
     merged = sorted(row for kind in chosen for row in lines[kind])
     found = parse_lines(parse_laser, merged, source)
@@ -246,7 +246,7 @@ def _read_sonars(
 
 
 def _leading_floats(fields: list[bytes]) -> FloatArray:
-    """Return the numbers before the first field that is none: a time and a host, by name or address, may follow."""
+    """Return the numbers before the first field that is not one: a time and a host, by name or address, may follow."""
     found = []
     for each in fields:
         try:
@@ -264,7 +264,7 @@ def _ring(sonar: SonarLine, given: FloatArray | None, source: str) -> FloatArray
     ring = ring_of(n) if given is None else given[:n]
     if ring is None or len(ring) < n:
         raise InputError(
-            f"{source}:{sonar.line}: the log does not give the places of its {n} transducers. Add PARAM "
+            f"{source}:{sonar.line}: the log does not give the positions of its {n} transducers. Add PARAM "
             "robot_sonar_offsets x y theta ..., one a transducer."
         )
     return ring

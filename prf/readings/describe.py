@@ -65,7 +65,7 @@ class LogSummary:
     share_no_return: float  # share of beams at or beyond the maximum range
     share_far: float  # share of beams of at least `FAR` metres, no returns included; of sonars returns alone
     n_zero_ranges: int  # beams dropped because their range is 0
-    n_invalid: int  # beams dropped because their range is no number or below the sensor's own minimum
+    n_invalid: int  # beams dropped because their range is not a number or below the sensor's own minimum
     # lines, odd_lines: lines (of a bag: messages, by topic) skipped: of kinds that the format knows, and of others
     lines: dict[str, int]
     odd_lines: dict[str, int]
@@ -284,10 +284,10 @@ def _dropped(readings: Readings) -> Iterator[Suspicion]:
     if zero:
         yield Suspicion("zero-range", f"{zero} beams ({zero / n_beams:.2%}) have range 0, an error code: dropped")
     if invalid:
-        text = f"{invalid} beams ({invalid / n_beams:.2%}) have a range that is no number or too short: dropped"
+        text = f"{invalid} beams ({invalid / n_beams:.2%}) have a range that is not a number or too short: dropped"
         yield Suspicion("invalid-range", text)
     if np.isnan(readings.largest_range):
-        yield Suspicion("no-return", "no beam has a finite range: there is no maximum range to take from this log")
+        yield Suspicion("no-return", "no beam has a finite range, so this log gives no maximum range")
 
 
 def _odd_lines(readings: Readings) -> Iterator[Suspicion]:

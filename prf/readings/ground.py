@@ -176,7 +176,7 @@ def way_guards(way: Floats, radius: float) -> Floats:
 
 
 def cleared(way: Floats, radius: float) -> shapely.Geometry:
-    """Return the ground (a polygon) that no wall may stand on for a way to be free."""
+    """Return the ground (a polygon) that no wall may touch for a way to be free."""
     lines = shapely.linestrings(way.reshape(-1, 2, 2))
     # A circle of 32 corners reaches half a per cent less far between them.
     return shapely.union_all(shapely.buffer(lines, 1.01 * (radius + STRAIGHT) + 1e-6))

@@ -59,7 +59,7 @@ _CARMEN_HEADER = re.compile(rb"^#+\s*message formats defined:", re.MULTILINE)
 
 
 def log_stem(log: str) -> str:
-    """Return the name of a log without what says its format; empty for standard input."""
+    """Return the name of a log without the part that names its format; empty for standard input."""
     name = "" if log == STREAM else Path(log).name or Path(log).resolve().name
     while Path(name).suffix.lower() in SUFFIXES:
         name = Path(name).stem

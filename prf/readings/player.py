@@ -248,7 +248,7 @@ def _sonars(
             ring = ring_of(n)
             assumed[device] = f"no geometry of {device} in the log: a Pioneer's ring of {n} is assumed"
         if ring is None or len(ring) != n:
-            why = f"the log does not give the places of the {n} transducers of {device}"
+            why = f"the log does not give the positions of the {n} transducers of {device}"
             raise InputError(f"{source}:{shot.line.number}: {why}. Add a geometry line (sonar 004 001) before it.")
         rings.append(ring)
     scans = []

@@ -52,7 +52,7 @@ class PointTable(NamedTuple):
         if len(bad):
             raise InputError(
                 f"{self.source}:{self.line[bad[0]]}: value is {self.value[bad[0]]:g}, but binary observations are 0 "
-                f'(white) or 1 (black). Mend it, or set kind = "gaussian" in [points].'
+                f'(white) or 1 (black). Correct it, or set kind = "gaussian" in [points].'
             )
 
 

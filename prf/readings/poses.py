@@ -1,7 +1,7 @@
 """Poses of the scans of a log: from lines of the log itself, or from a file (``--poses``) where it has none or worse.
 
 For poses of a file a log is read on the robot first: its beams then begin and point as they do on what carries the
-sensor, and the place of the sensor there stands in `ScanTable.pose`. The poses of the file put it into the world.
+sensor, and the place of the sensor there is in `ScanTable.pose`. The poses of the file put it into the world.
 
 Scans are matched by time where both have clocks: the pose is interpolated between the two round the scan, linearly and
 along the shorter turn, unless these lie farther apart than `gap`; scans outside are dropped and counted. Without times,
@@ -134,7 +134,9 @@ def placed(readings: Readings, poses: GivenPoses) -> Readings:
             "poses of a robot or a laser, with x ahead and z up."
         )
     if upward.min() < TILT:
-        warnings.append(f"poses are tilted by up to {np.degrees(np.arccos(upward.min())):.0f} degrees: laid flat")
+        warnings.append(
+            f"poses are tilted by up to {np.degrees(np.arccos(upward.min())):.0f} degrees: projected to the plane"
+        )
     beams, seats = (readings.origin, readings.angle), (scans.pose[:, :2], scans.pose[:, 2])
     if poses.mount is not None:
         is_ring = bool(readings.cone.any())
@@ -195,7 +197,7 @@ def _matched(scans: ScanTable, poses: GivenPoses, source: str) -> tuple[FloatArr
     if len(known) != len(scans.number):
         counts = f"{source} has {len(scans.number)} scans, {poses.source} {len(known)} poses"
         advice = "Give one pose a scan, or times in both (TUM, CSV t,x,y,theta)."
-        raise InputError(f"{why_not}; by order neither: {counts}. {advice}")
+        raise InputError(f"{why_not}; nor by order:  {counts}. {advice}")
     if names is not None and all(name[1:].isdigit() for name in names):  # of g2o
         known = known[np.argsort([int(name[1:]) for name in names], kind="stable")]
     warnings = [] if poses.times is None else [f"{why_not}; as many poses as scans: matched by order"]
@@ -227,14 +229,17 @@ def _by_time(scans: ScanTable, poses: GivenPoses) -> tuple[FloatArray, list[str]
 
 
 def _why_apart(scans: ScanTable, poses: GivenPoses, source: str) -> str:
-    """Return why next to no scan has a pose by time, and what to do."""
+    """Return why hardly any scan has a pose by time, and what to do."""
     assert poses.times is not None
     time = in_seconds(scans.time)
     first, last, start, end = np.nanmin(time), np.nanmax(time), poses.times.min(), poses.times.max()
     if first <= end and last >= start:
-        why, change = f"next to no scan lies between two at most {poses.gap:g} s apart", "readings.pose_gap=SECONDS"
+        why, change = (
+            f"hardly any scan lies between two poses at most {poses.gap:g} s apart",
+            "readings.pose_gap=SECONDS",
+        )
     else:
-        why, change = "next to none is shared", f"readings.pose_offset={first - start + poses.offset:.3f}"
+        why, change = "they hardly overlap", f"readings.pose_offset={first - start + poses.offset:.3f}"
     return (
         f"times of {poses.source} are {start:.3f} to {end:.3f} s, of {source} {first:.3f} to {last:.3f} s, and {why}: "
         f"give seconds of one clock, or --set {change}"

@@ -57,7 +57,7 @@ class LogNotes:
     devices: tuple[str, ...] = ()  # names of the sensors, in the order of their first scan
     # beams dropped because their range is exactly 0: an error code of the scanner, neither a hit nor a miss
     n_zero_ranges: int = 0
-    # beams dropped because their range is no number, or below the least that the sensor itself claims to measure
+    # beams dropped because their range is not a number, or below the least that the sensor itself claims to measure
     n_invalid: int = 0
     # the sensors' own maximum range, where the log states it and has finite readings at or above it: these are inf in
     # `Readings`. nan otherwise
@@ -270,7 +270,7 @@ def assemble(scans: Sequence[Scan], source: str, notes: LogNotes) -> Readings:
     usable = ranges > 0
     n_zero, n_invalid = int(np.count_nonzero(ranges == 0)), int(np.count_nonzero(np.isnan(ranges)))
     if not usable.any():
-        why = "no number or too short" if n_invalid else "0"
+        why = "not a number or too short" if n_invalid else "0"
         raise InputError(f"{source}: every range is {why}, which means no measurement. Look for a log with readings.")
     devices = tuple(dict.fromkeys(scan.device for scan in scans))
     return Readings.from_arrays(

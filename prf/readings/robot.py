@@ -57,10 +57,12 @@ def fields_of_view(readings: Readings, cone: float) -> FloatArray:
 
 
 def spread(start: float, step: float, n: int) -> FloatArray:
-    """Return n directions from `start` on, radians (ValueError if they are no scan)."""
+    """Return n directions from `start` on, radians (ValueError unless they differ and stay within one turn)."""
     is_scan = n < 2 or 0.0 < abs(step) * (n - 1) <= 2.0 * np.pi + min(abs(step), 1.0)
     if not (is_scan and abs(start) <= 2.0 * np.pi):
-        raise ValueError(f"{n} beams from {start:g} in steps of {step:g} rad are no scan")
+        raise ValueError(
+            f"{n} beams from {start:g} in steps of {step:g} rad: expected different directions within one turn"
+        )
     return np.array([start]) if n == 1 else start + step * np.arange(n, dtype=np.float64)
 
 

@@ -59,16 +59,16 @@ def write_table(path: str | os.PathLike[str], readings: Readings) -> None:
 
 
 def _check_on_robot(rows: Rows, source: str) -> None:
-    """Give rows without a place on the robot one; refuse poses in the world, and scans that cannot be told apart."""
+    """Give rows without a place on the robot one; refuse poses in the world, and scans that cannot be distinguished."""
     for name in REQUIRED[:2]:
         place = rows.columns.setdefault(name, np.zeros(len(rows.line)))
         if (place != place[0]).any():
             raise InputError(
-                f"{source}: with --poses x and y are where the sensor sits on the robot, but {name} changes: these are "
-                "poses. Leave columns x and y out, with theta as the direction of the beam on the robot."
+                f"{source}: with --poses, x and y must be the constant position of the sensor on the robot, but {name} "
+                "changes. Leave columns x and y out, with theta as the direction of the beam on the robot."
             )
     if not {"t", "scan"} & rows.columns.keys():
-        raise InputError(f"{source}: poses of a file belong to scans: add a column t (seconds) or scan (from 0).")
+        raise InputError(f"{source}: --poses gives one pose to each scan. Add a column t (seconds) or scan (from 0).")
 
 
 def _assemble(rows: Rows, source: str, on_robot: bool) -> Readings:

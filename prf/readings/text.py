@@ -20,7 +20,7 @@ Parsed = TypeVar("Parsed")
 GZIP_MAGIC = b"\x1f\x8b"
 BYTE_ORDER_MARK = b"\xef\xbb\xbf"  # UTF-8's, which spreadsheets put before a CSV header
 MAX_TIME = 1e20  # seconds. Beyond any clock, nanoseconds taken for seconds included, and safe to subtract
-MEND = "Remove or mend this line and run again."
+MEND = "Remove or correct this line and run again."
 DOMAINS = {
     "x": (-LARGEST_COORDINATE, LARGEST_COORDINATE, "metres, finite"),
     "y": (-LARGEST_COORDINATE, LARGEST_COORDINATE, "metres, finite"),
@@ -52,7 +52,7 @@ def check_domains(source: str, line: IntArray, columns: Mapping[str, FloatArray]
 
 
 def floats(fields: Sequence[bytes]) -> FloatArray:
-    """Return text fields as float64 (ValueError if one is no number)."""
+    """Return text fields as float64 (ValueError if one is not a number)."""
     return np.array(fields, dtype=np.float64)
 
 

@@ -172,7 +172,7 @@ def thin(
     out.
     """
     if not readings.n_beams:
-        raise InputError(f"{readings.source}: there are no readings to choose from.")
+        raise InputError(f"{readings.source}: it has no readings to choose from.")
     for flag, step in (("--every-scan", every_scan), ("--every-beam", every_beam)):
         if step < 1:
             raise ConfigError(f"{flag} {step}: must be at least 1.")

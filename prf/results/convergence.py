@@ -68,7 +68,7 @@ class Diagnosis(NamedTuple):
         """Return the diagnosis in words, such as ``R-hat 1.013, ESS 412`` or ``constant``."""
         words = {
             "constant": "constant",
-            "stuck": "stuck at different values",
+            "stuck": "each chain constant, at different values",
             "short": f"fewer than {FEWEST_DRAWS} draws a chain",
             "not finite": "nan or inf among the draws",
         }
@@ -128,7 +128,7 @@ def verdict(diagnoses: Mapping[str, Diagnosis]) -> Verdict:
 
     worst = max(diagnoses, key=badness)
     found = diagnoses[worst]
-    where = "" if found.seen else ", of what no reading saw"
+    where = "" if found.seen else ", on unseen ground"
     return Verdict(found.agrees(), worst, f"{worst}: {found.describe()}{where}", found.agrees() or not found.seen)
 
 
@@ -171,7 +171,7 @@ def disagree(half: Collection[Diagnosis], now: Collection[Diagnosis]) -> bool:
 
 
 def worst_rhat(diagnoses: Collection[Diagnosis]) -> float:
-    """Return the largest R-hat, inf if chains are stuck at different values; 1 if there is none."""
+    """Return the largest R-hat, inf if chains are constant at different values; 1 if there is none."""
     return max((found.rhat for found in diagnoses if not math.isnan(found.rhat)), default=1.0)
 
 

@@ -149,7 +149,7 @@ def _occupied_batches(draws: Draws, points: Floats, square: float) -> Iterator[t
     """Yield the numbers of some points inside the window, and their (n_draws, n_chosen) colours."""
     _require_draws(draws)
     if not 0.0 <= square < np.inf:
-        raise UsageError(f"square {square} m: the side of a square is a finite number >= 0.")
+        raise UsageError(f"square {square} m: must be a finite number of at least 0.")
     inside = np.flatnonzero(draws.window.contains(points))
     batch = max(1, MOST_COLOURS // len(draws))
     for start in range(0, len(inside), batch):
@@ -162,14 +162,14 @@ def _path_inside(draws: Draws, path_xy: ArrayLike, radius: float) -> Floats | No
     path = _points(path_xy)
     _require_draws(draws)
     if len(path) == 0:
-        raise InputError("the path has no point.")
+        raise InputError("path: expected at least one point x, y.")
     if not 0.0 <= radius < np.inf:
-        raise UsageError(f"radius {radius} m: the radius of a disc is a finite number >= 0.")
+        raise UsageError(f"radius {radius} m: must be a finite number of at least 0.")
     return path if draws.window.contains(path).all() else None
 
 
 def _points(xy: ArrayLike) -> Floats:
-    """Return `xy` as (n, 2) float64; an empty list is no point."""
+    """Return `xy` as (n, 2) float64; an empty list has no points."""
     return np.asarray(xy, dtype=np.float64).reshape(-1, 2)
 
 

@@ -120,7 +120,7 @@ def _load(path: str | os.PathLike[str]) -> Mapping[str, Any]:
     try:
         content = json.loads(data)
     except (ValueError, RecursionError) as error:
-        reason = "no text" if isinstance(error, UnicodeDecodeError) else f"no JSON: {' '.join(str(error).split())}"
+        reason = "no text" if isinstance(error, UnicodeDecodeError) else f"not JSON:  {' '.join(str(error).split())}"
         raise InputError(f"{path}: neither a RUN, a GRID nor GeoJSON ({reason}).") from error
     if not isinstance(content, Mapping):
         raise InputError(f"{path}: not a GeoJSON object. Give polygons of the occupied area.")
@@ -146,7 +146,7 @@ def _geometries(content: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
 def _polygons(geometry: Mapping[str, Any]) -> Iterator[BaseGeometry]:
     """Yield the polygons of a geometry, each of them valid."""
     if geometry["type"] not in ("Polygon", "MultiPolygon"):
-        raise InputError(f"geometry {geometry['type']}: a map is made of Polygon and MultiPolygon.")
+        raise InputError(f"geometry {geometry['type']}: expected Polygon or MultiPolygon.")
     if not geometry["coordinates"]:
         return
     for polygon in shapely.get_parts(shapely.geometry.shape(geometry)):

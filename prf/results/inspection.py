@@ -130,7 +130,7 @@ def _summarise_checkpoint(file: Path) -> str:
     chains = [name for name in arrays if name.endswith(".graph.counts") and ".hot" not in name]
     counts = [take_array(file, arrays, name, np.int64, (None,)) for name in chains]
     if not counts or min(map(len, counts)) <= STEP:
-        raise damaged(file, "no chain in it")
+        raise damaged(file, "it has no chains")
     return f"{len(counts)} chains at step {int(counts[0][STEP]):,}"
 
 
@@ -142,7 +142,7 @@ def _summarise_picture(file: Path) -> str:
             picture.verify()
             return f"{picture.width} x {picture.height} pixels"
     except (OSError, SyntaxError, ValueError, struct.error) as error:
-        raise damaged(file, "not a whole picture") from error
+        raise damaged(file, "incomplete picture") from error
 
 
 _SUMMARIES: dict[str, Callable[[Path], str]] = {

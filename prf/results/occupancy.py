@@ -89,7 +89,7 @@ def occupied_probability(grid: OccupancyGrid, xy: ArrayLike, square: float = 0.0
     probabilities; nan for a point outside the grid.
     """
     if not 0.0 <= square < np.inf:
-        raise UsageError(f"square {square} m: the side of a square is a finite number >= 0.")
+        raise UsageError(f"square {square} m: must be a finite number of at least 0.")
     points = np.asarray(xy, dtype=np.float64).reshape(-1, 2)
     inside = grid.window.contains(points)
     answers = np.full(len(points), np.nan)
@@ -114,9 +114,9 @@ def path_free(grid: OccupancyGrid, path_xy: ArrayLike, radius: float) -> float:
     """
     path = np.asarray(path_xy, dtype=np.float64).reshape(-1, 2)
     if len(path) == 0:
-        raise InputError("the path has no point.")
+        raise InputError("path: expected at least one point x, y.")
     if not 0.0 <= radius < np.inf:
-        raise UsageError(f"radius {radius} m: the radius of a disc is a finite number >= 0.")
+        raise UsageError(f"radius {radius} m: must be a finite number of at least 0.")
     if not grid.window.contains(path).all():
         return float("nan")
     most = np.array(grid.occupancy.shape[::-1])
@@ -191,7 +191,7 @@ def _object(file: Path, arrays: dict[str, NDArray[Any]], name: str) -> dict[str,
     except (KeyError, ValueError, RecursionError):
         content = None
     if not isinstance(content, dict):
-        raise damaged(file, f"array {name} holds no JSON object")
+        raise damaged(file, f"array {name} must hold a JSON object")
     return content
 
 
@@ -199,7 +199,7 @@ def _check(file: Path, grid: OccupancyGrid) -> None:
     if grid.occupancy.size == 0:
         raise damaged(file, "no cell")
     if not ((grid.occupancy >= 0.0) & (grid.occupancy <= 1.0)).all():
-        raise damaged(file, "array occupancy holds something else than probabilities")
+        raise damaged(file, "array occupancy must hold probabilities from 0 to 1")
     if not (np.isfinite(grid.origin).all() and 0.0 < grid.resolution < np.inf):
         raise damaged(file, f"origin {grid.origin.tolist()}, resolution {grid.resolution}")
 

@@ -116,7 +116,7 @@ def read_image(path: Path) -> PosteriorImage:
     assert image.disagreement is not None
     for values in (image.occupancy, image.square_occupancy, image.disagreement):
         if ((values < 0.0) | (values > 1.0)).any():
-            raise damaged(path, "a probability is not within 0 and 1")
+            raise damaged(path, "a probability is outside 0 to 1")
     if not ((np.abs(image.origin) <= LARGEST_COORDINATE).all() and 0.0 < image.resolution <= LARGEST_COORDINATE):
         raise damaged(path, f"origin {image.origin.tolist()}, resolution {image.resolution}")
     return image
@@ -148,7 +148,7 @@ def _take_readings(path: Path, arrays: dict[str, NDArray[Any]], prefix: str) -> 
     }
     sound = {name: np.isfinite(array).all() for name, array in values.items()} | {"range": (ranges >= 0.0).all()}
     for name in (name for name, is_sound in sound.items() if not is_sound):
-        raise damaged(path, f"a reading has a value of {name} that none has")
+        raise damaged(path, f"a reading has an impossible value of {name}")
     scan = take_array(path, arrays, prefix + "scan", np.int64, (n,))
     readings = Readings.from_arrays(values["origin"], angle, ranges, scan=scan, cone=values["cone"], source=str(path))
     return readings.within(float(take_array(path, arrays, prefix + "max_range", np.float64, ())))
@@ -185,7 +185,7 @@ def _take_owners(path: Path, arrays: dict[str, NDArray[Any]], name: str, n: int)
         return None
     owner: NDArray[np.int32] = take_array(path, arrays, name, np.int32, (None,))
     if ((owner < 0) | (owner >= n)).any():
-        raise damaged(path, f"array {name} has a number that no pose has")
+        raise damaged(path, f"array {name} has a number that is not one of the poses")
     return owner
 
 
@@ -194,7 +194,7 @@ def _check_owners(path: Path, fields: dict[str, Any]) -> None:
     for kind in ("laser", "sonar"):
         readings, owner = fields.get(kind), getattr(fields["trajectory"], kind)
         if readings is not None and owner is not None and len(owner) != readings.n_beams:
-            raise damaged(path, f"poses of {len(owner)} readings, and there are {readings.n_beams}")
+            raise damaged(path, f"poses of {len(owner)} readings, but the run has {readings.n_beams}")
 
 
 def read_best(path: Path) -> tuple[Coloring, float]:

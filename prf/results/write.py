@@ -22,7 +22,7 @@ from prf.shell.cli.storage import dump_object, save_arrays
 from prf.shell.errors import OutputError, cannot_write, system_reason
 
 FILES = (names.MANIFEST, names.CHECKPOINT, names.PICTURE, names.TRAJECTORY, *names.SCHEMAS)
-"""All that a RUN directory may hold, the manifest first: without it the others are no run."""
+"""All that a RUN directory may hold, the manifest first: without it the others are not a run."""
 
 
 def write_run(path: str | os.PathLike[str], run: RunData) -> None:
@@ -59,7 +59,7 @@ def make_folder(folder: Path) -> None:
 def remove_stale_outputs(folder: Path) -> None:
     """Remove what an older run left in a directory, so that no file of it can pass for one of the new run."""
     if folder.exists() and not folder.is_dir():
-        raise OutputError(f"{folder}: a file is in the way. Choose another directory.")
+        raise OutputError(f"{folder}: is a file, but a directory is expected. Choose another name.")
     remove_half_written(folder)
     for name in FILES:
         try:
@@ -75,7 +75,7 @@ def remove_half_written(folder: Path) -> None:
 
 
 def remove_unfinished(folder: Path) -> None:
-    """Remove files that are no run without a manifest, and the directory if nothing else is in it."""
+    """Remove files that are not a run without a manifest, and the directory if nothing else is in it."""
     if is_unfinished(folder):
         remove_stale_outputs(folder)
     if folder.is_dir() and not any(folder.iterdir()):

@@ -45,12 +45,12 @@ def read_world(path: str | os.PathLike[str]) -> World:
         return world_of_cells(read_cell_map(path))
     area = read_occupied_area(path)
     if area.window is None and area.region.is_empty:
-        raise InputError(f"{path}: neither a polygon nor a window. Give polygons of the occupied area.")
+        raise InputError(f"{path}: expected polygons of the occupied area, or a property window.")
     window = area.window or Window.beyond(area.region.bounds, MARGIN)
     try:
         return World.from_polygons(area.region, window)
     except InputError as error:
-        raise InputError(f"{path}: {error}. Part polygons that touch at a point.") from error
+        raise InputError(f"{path}: {error}. Separate polygons that touch at a point.") from error
 
 
 def draw_world(scale: float, window: Window, rng: np.random.Generator, accept: Callable[[World], bool]) -> DrawnWorld:

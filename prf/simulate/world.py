@@ -24,7 +24,7 @@ STRAIGHT = 1e-9  # metres that a vertex may stick out of the line of its neighbo
 class World:
     """What is occupied, and its boundary."""
 
-    window: Window  # where the world is known. Its border is no wall: nothing beyond it is ever met
+    window: Window  # where the world is known. Its border is not a wall: nothing beyond it is ever met
     occupied: MultiPolygon  # occupied area inside the window, holes kept, in metres
     # (n, 4) ``x1 y1 x2 y2`` in metres, free space on the left of the way from 1 to 2; ring by ring, the end of a wall
     # is the beginning of the next to the last bit, but where the window cuts a ring. Neighbours are never in line

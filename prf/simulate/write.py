@@ -126,7 +126,7 @@ def _manifest(place: Path, simulation: Simulation, inputs: list[dict[str, Any]],
 
 
 def _write_lines(path: Path, lines: Iterable[str]) -> None:
-    """Write lines; as gzip without a date where the name says so, so that the bytes depend on the content alone."""
+    """Write lines; as gzip without a date where the name ends on .gz, so that the bytes depend on the content alone."""
     data = "".join(f"{line}\n" for line in lines).encode("ascii")
     with atomic_write(path, binary=True) as stream:
         stream.write(gzip.compress(data, compresslevel=LEVEL, mtime=0) if path.suffix == ".gz" else data)

@@ -165,14 +165,14 @@ def test_labels_are_taught(patches: mapq.Patches, tmp_path: Path) -> None:
     [
         (lambda p: mapq.segment(np.zeros((4, 2))), r"xyz: has shape \(4, 2\)"),
         (lambda p: mapq.segment(np.full((4, 3), np.nan)), "xyz: no point is finite"),
-        (lambda p: mapq.segment([["a", "b", "c"]]), "xyz: is no array of numbers"),
+        (lambda p: mapq.segment([["a", "b", "c"]]), "xyz: must be an array of numbers"),
         (lambda p: mapq.point_cloud(np.zeros((4, 3)), {"time": np.zeros(3)}), r"fields\['time'\]: has shape \(3,\)"),
         (lambda p: mapq.point_cloud(np.zeros((4, 3)), unit=0.0), "unit 0.0"),
         (lambda p: mapq.classify(p, max_false_alarms=2.0), "max_false_alarms 2.0: must be a share"),
         (lambda p: mapq.classify(p, max_false_alarms=np.nan), "max_false_alarms nan: must be a share"),
         (lambda p: p.labelled([0, 1]), r"labels: has shape \(2,\)"),
         (lambda p: p.labelled(np.full(len(p), 2)), "labels: must be 0"),
-        (lambda p: mapq.train([]), "maps: there are none"),
+        (lambda p: mapq.train([]), "maps: give at least one"),
     ],
 )
 def test_what_cannot_be_used_is_named(call: Any, words: str, patches: mapq.Patches) -> None:

@@ -303,7 +303,7 @@ def test_bad_truth_is_refused() -> None:
     cloud = PointCloud(np.zeros((2, 3)), np.zeros(3), fields, source="x.ply")
     with pytest.raises(InputError, match="no field 'walls'; it has: plane, pair"):
         truth_of(cloud, "walls")
-    with pytest.raises(InputError, match="no whole numbers"):
+    with pytest.raises(InputError, match="must hold whole numbers"):
         truth_of(cloud, "plane")
     with pytest.raises(InputError, match="not one number a point"):
         truth_of(cloud, "pair")

@@ -94,4 +94,4 @@ def test_the_unit_is_an_option(capsys, survey):
     assert "unit" in call(capsys, "inspect", survey, "--unit", "ft")[1]
     code, _, err = call(capsys, "inspect", survey, "--unit", "yard")
     assert (code, err.count("\n")) == (2, 1)
-    assert "yard is no unit" in err
+    assert "'yard': must be one of" in err

@@ -33,7 +33,7 @@ def test_the_values_reach_the_steps() -> None:
         ("segment.max_tilt=95", r"^--set segment\.max_tilt must be from 0 to 90, not 95\.0"),
         ("segment.max_gap=0", r"^--set segment\.max_gap must be above 0"),
         ("features.radius=0", r"^--set features\.radius 0\.0 m"),
-        ("features.context=['sky']", "there is no context sky"),
+        ("features.context=['sky']", "context sky: must be one of"),
         ("crf.regularisation=0", r"^--set crf\.regularisation 0\.0"),
         ("crf.max_false_alarms=2", "less than or equal to 1"),
         ("crf.objective=magic", "'pl' or 'max-margin'"),

@@ -155,7 +155,7 @@ class TestDamage:
             (flaser([1, -4.2]), "range is -4.2"),
             (flaser([1], pose=("nan", 0, 0)), "x is nan"),
             (flaser([1], time="1e300"), "t is 1e+300"),
-            (robot_laser([1] * 181, step=1.0), "181 beams from -0.5 in steps of 1 rad are no scan"),
+            (robot_laser([1] * 181, step=1.0), "181 beams from -0.5 in steps of 1 rad: expected different directions"),
             (robot_laser([1, 2, 3])[:-9], "announces 3 readings and 0 remission values"),
         ],
     )
@@ -340,7 +340,7 @@ class TestRefusals:
 
     def test_no_geometry(self):
         message = sonar_refusal(old_sonar([1, 1, 1]))
-        assert message.startswith("a.log:1: the log does not give the places of its 3 transducers")
+        assert message.startswith("a.log:1: the log does not give the positions of its 3 transducers")
         assert "3 transducers" in sonar_refusal(OFFSETS + old_sonar([1, 1, 1]))
 
     def test_no_poses(self):

@@ -155,7 +155,7 @@ class TestSonar:
 
     def test_another_size_without_geometry_is_refused(self):
         message = refusal(POSES + player("sonar", (5, *[1.0] * 5), 2), "sonar")
-        assert message.startswith("a.log:3: the log does not give the places of the 5 transducers of sonar:0")
+        assert message.startswith("a.log:3: the log does not give the positions of the 5 transducers of sonar:0")
 
     def test_kinds(self):
         both = POSES + player_laser([1], 2) + player("sonar", (8, *[1.0] * 8), 2)
@@ -176,13 +176,16 @@ class TestRefusals:
             (player("laser", (0, -1, 1), 2), "ends too early"),
             (player_laser([1, -2, 3], 2), "range is -2"),
             (player_laser([1, "x", 3], 2), "could not convert"),
-            (player_laser([1, 2, 3], 2, step=57.0), "are no scan"),
+            (player_laser([1, 2, 3], 2, step=57.0), "expected different directions"),
             (player("position2d", ("nan", 2, 0, 0, 0, 0, 0), 1.5), "x is nan"),
             ("0000000000.200 1677\n", "ends too early"),
             ("0000000000.200 16777343 6665 laser 00 x 001\n", "invalid literal"),
             (player("sonar", (3, 1, 2), 2), "announces 3 readings, which makes 4 fields, but has 3"),
             (player("sonar", (2, 1, 2, 3), kind="004 001"), "cannot reshape"),
-            (player1("sonar", (*RING_FIELDS, 3, 1, 1, 1), 2), "the log does not give the places of the 3 transducers"),
+            (
+                player1("sonar", (*RING_FIELDS, 3, 1, 1, 1), 2),
+                "the log does not give the positions of the 3 transducers",
+            ),
         ],
     )
     def test_a_damaged_line_is_named(self, line, words):

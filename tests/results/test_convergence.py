@@ -143,7 +143,7 @@ def test_unseen_functionals_have_a_looser_rule_and_are_last() -> None:
     apart = chains() + 10.0 * np.arange(4)[:, None]
     judged = verdict(diagnose({"far": apart, "near": chains(2)}, unseen=["far"]))
     assert (judged.converged, judged.seen, judged.worst) == (False, True, "far")
-    assert judged.reason.endswith("of what no reading saw")
+    assert judged.reason.endswith("on unseen ground")
     judged = verdict(diagnose({"far": apart, "near": slow}, unseen=["far"]))
     assert (judged.converged, judged.seen, judged.worst) == (False, False, "near")
 

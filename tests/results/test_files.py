@@ -158,8 +158,8 @@ def test_readings_are_drawn_where_the_mean_poses_have_them(tmp_path: Path, moved
     [
         ({"given": np.full((5, 3), np.nan)}, "not finite"),
         ({"draws": np.zeros((2, 4, 3), np.float32)}, "array draws has shape"),
-        ({"pose_of_laser": np.full(200, 5, np.int32)}, "no pose has"),
-        ({"pose_of_laser": np.zeros(199, np.int32)}, "poses of 199 readings, and there are 200"),
+        ({"pose_of_laser": np.full(200, 5, np.int32)}, "that is not one of the poses"),
+        ({"pose_of_laser": np.zeros(199, np.int32)}, "poses of 199 readings, but the run has 200"),
     ],
 )
 def test_poses_that_are_none_are_refused(tmp_path: Path, moved: Run, changes: dict, message: str) -> None:

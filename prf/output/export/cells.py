@@ -81,7 +81,7 @@ def _usual_resolution(window: Window, image: PosteriorImage | None) -> float:
 def share_of_draws(draws: Draws, resolution: float) -> Cells:
     """Return the share of draws in which the centre of each cell is black, nan beyond the window."""
     if len(draws) == 0:
-        raise InputError("no draws yet: nothing can be exported. Go on with prf sample --resume.")
+        raise InputError("no draws yet: nothing can be exported. Resume with prf sample --resume.")
     grid = _checked_grid(draws.window, resolution)
     count = count_black(draws, grid)
     share = np.where(draws.window.contains(pixel_centres(grid)), count / len(draws), np.nan)

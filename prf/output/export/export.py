@@ -121,11 +121,11 @@ def check_options(name: str, options: Options) -> None:
     }
     for flag, given in only_ros.items():
         if given and name != ROS_MAP:
-            raise UsageError(f"{flag} is for --format {ROS_MAP}, not {name}.")
+            raise UsageError(f"{flag} is for --format {ROS_MAP} only, not {name}.")
     if options.extrapolate is not None and name in (NETCDF, TUM):
         raise UsageError(f"--extrapolate is for maps, not for --format {name}.")
     if options.extrapolate is not None and not 0.0 <= options.extrapolate < float("inf"):
-        raise UsageError(f"--extrapolate {options.extrapolate:g}: must be a number of metres, not negative.")
+        raise UsageError(f"--extrapolate {options.extrapolate:g}: must be a number of metres of at least 0.")
     if options.draw is not None and name == NETCDF:
         raise UsageError(f"--draw is for maps; --format {NETCDF} holds the values of all draws.")
     if options.unknown is not None and not 0.0 <= options.unknown[0] <= options.unknown[1] <= 1.0:
@@ -154,7 +154,7 @@ def targets(name: str, output: str | None, stem: str) -> tuple[str, ...]:
 
 
 def chains_notes(source: Source) -> tuple[str, ...]:
-    """Return a line where the chains of a run disagree on what was seen; of a grid or one map there is none."""
+    """Return a line where the chains of a run disagree on what was seen; empty for a grid or one map."""
     image = None if source.run is None else source.run.image
     if image is None or image.disagreement is None:
         return ()
@@ -197,7 +197,7 @@ def _counts(area: MultiPolygon) -> dict[str, Any]:
 
 
 def _printable(title: str) -> str:
-    """Return a title in one line, with escapes for what is no character of a text: XML and DXF cannot hold it."""
+    """Return a title in one line, with escapes for what XML and DXF cannot hold."""
     plain = " ".join(title.split())
     return "".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in plain)
 

@@ -40,7 +40,7 @@ def align_chains(run: RunData) -> Chains:
     All chains record at the same steps, so that the first draws belong together and the longer ones ran on alone.
     """
     if len(run.chain) == 0:
-        raise InputError(f"{run.name}: no draws yet: nothing can be exported. Go on with prf sample --resume.")
+        raise InputError(f"{run.name}: no draws yet: nothing can be exported. Resume with prf sample --resume.")
     numbers = np.unique(run.chain)
     by_step = np.argsort(run.step, kind="stable")
     rows = [by_step[run.chain[by_step] == number] for number in numbers]

@@ -100,12 +100,12 @@ def _read_map(file: Path) -> Map:
         kept: dict[str, Any] = {key: properties[key] for key in KEPT if key in properties}
         return Map(coloring, kept, stem_of(file))
     if area.window is None and area.region.is_empty:
-        raise InputError(f"{file}: neither a polygon nor a window. Give polygons of the occupied area.")
+        raise InputError(f"{file}: expected polygons of the occupied area, or a property window.")
     window = area.window or Window.beyond(area.region.bounds, MARGIN)
     try:
         return Map(from_polygons(area.region, window), {}, stem_of(file))
     except InputError as error:
-        raise InputError(f"{file}: {error}. Part polygons that touch at a point.") from error
+        raise InputError(f"{file}: {error}. Separate polygons that touch at a point.") from error
 
 
 def draw_number(run: RunData, number: int) -> int:

@@ -18,7 +18,7 @@ def trajectory_of(source: Source) -> Trajectory:
             "--pose-noise METRES RADIANS or --odometry KIND."
         )
     if not len(run.trajectory.draws):
-        raise InputError(f"{source.path}: no draws yet, so no trajectory. Go on with prf sample --resume.")
+        raise InputError(f"{source.path}: no draws yet, so no trajectory. Resume with prf sample --resume.")
     return run.trajectory
 
 

@@ -98,7 +98,7 @@ def spread_draws(run: RunData, n_draws: int) -> tuple[list[Coloring], list[str]]
     """Return so many draws of a run, spread evenly over chains and time, and what to write below each."""
     chosen = spread(len(run.draws), n_draws)
     if not chosen:
-        raise InputError(f"{run.name}: no draws yet. Go on with prf sample --resume.")
+        raise InputError(f"{run.name}: no draws yet. Resume with prf sample --resume.")
     captions = [f"chain {run.chain[i] + 1}, step {run.step[i]:,}" for i in chosen]
     return [run.draws[i] for i in chosen], captions
 

@@ -192,7 +192,7 @@ def fill_map(axes: Axes, coloring: Coloring, colour: str = INK) -> None:
 
 
 def draw_outline(axes: Axes, coloring: Coloring, image: PosteriorImage | None = None, width: float = 1.0) -> None:
-    """Draw the edges of a map, of an `image` those that touch what readings saw; the window's border is none."""
+    """Draw the edges of a map, of an `image` those that touch what readings saw, without the window's border."""
     from matplotlib.collections import LineCollection
 
     lines = coloring.xy[coloring.edges]

@@ -133,7 +133,7 @@ class DrawsMap(PolygonalMaps):
 
     def __init__(self, draws: Draws, best: Coloring | None, image: PosteriorImage | None = None) -> None:
         if len(draws) == 0:
-            raise InputError("no draws yet: nothing can be scored. Go on with prf sample --resume.")
+            raise InputError("no draws yet: nothing can be scored. Resume with prf sample --resume.")
         self.draws = draws
         self.best = best
         self.image = image

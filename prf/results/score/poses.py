@@ -69,7 +69,7 @@ def marginalise(
 def search_poses(one: ScoredMap, beams: HeldOut, rng: np.random.Generator) -> Normals | None:
     """Return where the poses of scans may lie; None: anywhere that the prior has them, which is near enough.
 
-    Far from the pose all beams miss their walls, and a likelihood says nothing of the way there. So readings are first
+    Far from the pose all beams miss their walls, and a likelihood does not show the way there. So readings are first
     taken to be as uncertain as the poses make them, then half as uncertain, and so on.
     """
     assert beams.poses is not None

@@ -126,7 +126,7 @@ def test_coupling_stays_non_negative_far_outside_the_range_seen():
 
 def test_features_that_lack_a_name_or_a_number_are_refused():
     features, model = draw(SYMMETRIC, 2)
-    with pytest.raises(InputError, match="no node feature fit; these features have a, b, c"):
+    with pytest.raises(InputError, match="expected a node feature fit; these features have a, b, c"):
         classify(features._replace(node_names=("a", "b", "c")), model)
     features.node[3, 1] = np.inf
     with pytest.raises(InputError, match="feature tilt is infinite in 1 of 7 places"):

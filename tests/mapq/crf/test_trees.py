@@ -71,7 +71,7 @@ def test_columns_are_those_of_the_pair_in_the_worst_conflict(seed):
 
 
 def test_a_pair_without_sensor_positions_is_described_so():
-    """In the features it is 0 what a map does not tell; trees tell it from as much for as against."""
+    """What a map does not record is 0 in the features, and nan for trees, other than evidence that balances."""
     features = draw(1)
     features.edge[:, features.edge_names.index("facing_away")] = 0.0
     columns = columns_of(features)

@@ -67,7 +67,7 @@ def test_units(text, metres):
 
 @pytest.mark.parametrize("text", ["", "yard", "0", "-1", "nan", "inf"])
 def test_what_is_no_unit(text):
-    with pytest.raises(ValueError, match=r"is no unit. Give one of m, cm, mm, ft, us-ft"):
+    with pytest.raises(ValueError, match=r"must be one of m, cm, mm, ft, us-ft"):
         parse_unit(text)
 
 
@@ -181,7 +181,10 @@ def test_many_columns_of_words_are_reported_in_one_line(tmp_path, caplog, n, tol
         ("x,y,z\n1,2,3,4\n", ":2: 4 columns under a header of 3"),
         ("1 2 3\n\n# more\n4 5 6 7\n", ":4: '4 5 6 7' does not hold 3 numbers"),
         ("x y z\n1 2 3\n4 5 1_0\n", ":3: '4 5 1_0' does not hold 3 numbers"),
-        ("1;2;3\n1,5;2;3\n", ":2: '1,5;2;3' does not hold 3 numbers. Remove or mend this line; decimals need a point"),
+        (
+            "1;2;3\n1,5;2;3\n",
+            ":2: '1,5;2;3' does not hold 3 numbers. Remove or correct this line; decimals need a point",
+        ),
         ("nan nan nan\nnan 1 2\n", "all 2 points are nan or infinite"),
         ("1 2 3\n1 2 1e30\n", "z of point 1 is 1e+30, beyond 1e+09 m"),
         ("{}", "this is a JSON document"),

@@ -292,7 +292,7 @@ def test_e57_without_pye57_names_the_extra(tmp_path, monkeypatch):
 def test_damaged_e57_and_e57_beside_others_are_refused(tmp_path):
     pytest.importorskip("pye57")
     (tmp_path / "map.e57").write_bytes(b"ASTM-E57 and no more")
-    with pytest.raises(InputError, match=r"map.e57: no E57 file that can be opened"):
+    with pytest.raises(InputError, match=r"map.e57: cannot be opened as E57"):
         find_scans([str(tmp_path / "map.e57")])
     make_folder(tmp_path, ["0.ply"], where=".")
     with pytest.raises(InputError, match=r"0.ply: not E57, beside files that are"):

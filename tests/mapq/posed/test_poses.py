@@ -30,7 +30,7 @@ def test_camera_poses_become_those_of_the_laser(tmp_path):
     ("text", "message"),
     [
         ("P0: 1 0 0\n", "calib.txt: no row Tr:"),
-        ("Tr: 1 0 0\n", "calib.txt:1: not the 12 numbers"),
+        ("Tr: 1 0 0\n", "calib.txt:1: expected the 12 numbers"),
         ("P0: 1\nTr: 1 0 0 nan 0 1 0 0 0 0 1 0\n", "calib.txt:2: 'nan' is not a finite number"),
         ("P0: 1\nTr: 1 0 0 0 0 1 0 0 0 0 3 0\n", "calib.txt:2: the matrix of this pose is no rotation"),
     ],

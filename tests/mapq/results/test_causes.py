@@ -128,7 +128,7 @@ def test_a_cause_is_named_where_it_is_sure_that_scans_disagree(apart, kind, word
     assert cause.kind == kind
     assert words in cause.text
     alone = cause_of(Spread(1.9, np.nan, 0.01, 2, 2, (9, N_SCANS)), visits, np.array([0.2, 0.3, 0.4]))
-    assert (alone.kind, alone.text) == (UNKNOWN, "no two scans of one visit saw it, by which to tell")
+    assert (alone.kind, alone.text) == (UNKNOWN, "no two scans of one visit saw it, which could show the cause")
 
 
 def test_neither_the_order_of_points_nor_the_sign_of_a_normal_matters():

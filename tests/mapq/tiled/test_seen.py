@@ -149,7 +149,7 @@ def test_a_map_without_fields_has_unknown_causes(drive, model):
     assert found.visits is None
     assert found.cause_codes() is None
     assert {cause.text for cause in found.causes.values()} == {
-        "the map does not tell by which scans or when it was seen"
+        "the map does not record by which scans or when it was seen"
     }
 
 
