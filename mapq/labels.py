@@ -63,12 +63,12 @@ def truth_values(fields: Mapping[str, NDArray[Any]], name: str, patch: NDArray[n
         raise InputError(f"{where}: no point field {name}; there are {known}.")
     values = np.asarray(fields[name])
     if values.ndim != 1:
-        raise InputError(f"{where}: field {name} has {values.shape[1]} numbers a point; a label is one.")
+        raise InputError(f"{where}: field {name} has {values.shape[1]} numbers a point; expected one.")
     strange = ~np.isin(values, (PLAUSIBLE, SUSPICIOUS, UNLABELLED)) & (patch != NO_PATCH)
     if strange.any():
         example = values[strange][0]
         raise InputError(
-            f"{where}: field {name} is neither 0 nor 1 nor 255 at {np.count_nonzero(strange)} points of patches "
+            f"{where}: field {name} must be 0, 1 or 255, but is not at {np.count_nonzero(strange)} points of patches "
             f"(e.g. {example}). Give 1 where suspicious, 0 where plausible, 255 where not known."
         )
     return values

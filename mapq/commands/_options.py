@@ -35,7 +35,7 @@ def parse_share(text: str) -> float:
     except ValueError:
         share = -1.0
     if not 0.0 <= share <= 1.0:
-        raise ValueError(f"{text} is no share between 0 and 1. Give one such as 0.05 or 5%")
+        raise ValueError(f"{text}: must be a share between 0 and 1 such as 0.05 or 5%")
     return share
 
 

@@ -29,7 +29,7 @@ class ScanOptions(NamedTuple):
 
 
 def are_scans(inputs: Sequence[str], given: ScanOptions) -> bool:
-    """Return whether inputs are scans: by the options, several files, or a folder that is no map in tiles, nor bag."""
+    """Return whether inputs are scans: by the options, several files, or a folder but a map in tiles or a bag."""
     if given != ScanOptions() or len(inputs) > 1:
         return True
     if not os.path.isdir(inputs[0]):

@@ -242,7 +242,7 @@ def _check(file: str, result: Result, limits: tuple[float | None, float]) -> Non
     if verdict["passed"] is not False:
         return
     if not len(result.patches):
-        raise CheckFailed(f"{file}: there is no patch to judge, so the map does not pass.")
+        raise CheckFailed(f"{file}: no patch to judge, so the map does not pass.")
     share, fail_over = verdict["share_of_area"], verdict["fail_over"]
     if share > fail_over:
         raise CheckFailed(f"{file}: {share:.1%} of the area of patches is suspicious, more than {fail_over:.1%}.")

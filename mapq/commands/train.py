@@ -36,9 +36,7 @@ class Objective(StrEnum):
 
 
 def train(
-    patches: Annotated[
-        list[str], typer.Argument(metavar="PATCHES...", help="Labelled patches, as mapq label leaves them.")
-    ],
+    patches: Annotated[list[str], typer.Argument(metavar="PATCHES...", help="Labelled patches, from mapq label.")],
     output: Output = None,
     config: Config = None,
     preset: Presets = None,

@@ -166,7 +166,7 @@ def warnings_of(chosen: Parameters, n_far: int, found: dict[str, Any]) -> list[s
             f"no patches: all {small} regions found are too small. Lower segment.min_points or segment.min_extent."
         )
     elif found["patches"] == 0:
-        warnings.append("no patches: nothing in this cloud is a plane at its spacing and noise.")
+        warnings.append("no patches: no part of this cloud is a plane at its spacing and noise.")
     if chosen.narrow_share > MANY_NARROW:
         warnings.append(
             f"{chosen.narrow_share:.0%} of the points have neighbours along one scan line only, or within the noise, "
@@ -175,10 +175,10 @@ def warnings_of(chosen: Parameters, n_far: int, found: dict[str, Any]) -> list[s
     if chosen.flat_share < FEW_FLAT:
         warnings.append(
             f"only {chosen.flat_share:.0%} of the neighbourhoods show a plane: spacing and noise are estimated from "
-            "little. Set segment.noise and segment.resolution if you know better."
+            "little. Set segment.noise and segment.resolution if you know them."
         )
     if n_far:
-        warnings.append(f"{n_far} points lie absurdly far from all others and were left out.")
+        warnings.append(f"{n_far} points lie very far from all others and were left out.")
     return warnings
 
 

@@ -77,7 +77,7 @@ class SegmentSettings:
             if getattr(self, name) == 0:
                 raise UsageError(f"{_flag(name)} must be above 0.")
         if not 1e-100 < max(abs(number) for number in self.up) < 1e100:
-            raise UsageError("--up must not be 0 0 0, nor so short or long that squares are.")
+            raise UsageError("--up must be a direction other than 0 0 0, of a length that can be squared.")
 
     def turned(self, quarter: int) -> SegmentSettings:
         """Return the settings for axes that were turned by quarters."""

@@ -160,7 +160,7 @@ def _checked_source(kind: str, source: Source) -> Source:
         raise ArgumentError(f"readings: {kind!r} is none of {', '.join(KINDS)}.")
     if not isinstance(source, wanted):
         raise ArgumentError(
-            f"readings: {type(source).__name__} is no log, and not what prf.{kind} makes, through which arrays go."
+            f"readings: {type(source).__name__} is not a log. Give a file, or readings made by prf.{kind} from arrays."
         )
     return source
 

@@ -97,7 +97,7 @@ def _lines(summary: LogSummary) -> Iterator[str]:
     from prf.shell.cli import console
 
     rows = [row for row in _rows(summary) if console.is_verbose() or row[0] not in DETAILS]
-    seen = [suspicion.message for suspicion in summary.suspicions] or ["nothing that these checks see"]
+    seen = [suspicion.message for suspicion in summary.suspicions] or ["nothing that these checks find"]
     notes = [("suspicious", message) for message in seen] + [("assumed", remark) for remark in summary.remarks]
     room = len(notes) if console.is_verbose() else MOST_LINES - len(rows)
     if len(notes) > room:
@@ -112,7 +112,7 @@ def _rows(summary: LogSummary) -> Iterator[tuple[str, str]]:
     yield "format", f"{summary.format} ({', '.join(summary.devices)})"
     yield "kind", summary.kind
     yield "scans", f"{summary.n_scans} of {fewest if fewest == most else f'{fewest} to {most}'} beams"
-    invalid = f", {summary.n_invalid} dropped (no number, or too short)" if summary.n_invalid else ""
+    invalid = f", {summary.n_invalid} dropped (not a number, or too short)" if summary.n_invalid else ""
     yield "beams", f"{summary.n_beams} usable, {summary.n_zero_ranges} dropped (range 0){invalid}"
     if summary.kind == "sonar":
         yield "cone", " to ".join(f"{cone:.3f}" for cone in sorted(set(summary.cones))) + " rad"

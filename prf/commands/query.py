@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 logger = logging.getLogger(__name__)
 
 MAX_RHAT = 1.1
-"""Above it a warning says that the chains disagree on the answer."""
+"""Above it a warning reports that the chains disagree on the answer."""
 
 EXAMPLES = (
     "prf query office --points points.csv > answers.csv",
@@ -118,7 +118,7 @@ def _answer_path(source: Run | OccupancyGrid, path: str, radius: float, json: bo
         answer = {**dict(zip(("p_free", *found._fields[1:]), values, strict=True)), "n_draws": len(source.draws)}
         _warn(path, "path", found)
     if answer["p_free"] != answer["p_free"]:
-        logger.warning("%s: the path leaves the window, so nothing is known of it: p_free is nan.", path)
+        logger.warning("%s: the path leaves the window, so nothing is known about it: p_free is nan.", path)
     if json:
         storage.emit_object("prf.query.path/1", answer)
     else:

@@ -216,7 +216,7 @@ def _advice(run: Run, folder: Path) -> str:
         return "Tempering: none so far, the chains were not found to disagree; run longer (docs/convergence.md)."
     other = "see docs/convergence.md" if is_tempered else "try --set sampler.temperatures=auto (docs/convergence.md)"
     if is_flat:
-        return f"The chains come no nearer, more time alone will not help: {other}."
+        return f"The chains do not approach each other, and more time alone will not help: {other}."
     return f"Run longer ({again}), or {other}."
 
 

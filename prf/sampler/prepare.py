@@ -52,14 +52,14 @@ class Prepared(NamedTuple):
 
     settings: Settings
     config: Configuration  # resolved: window, resolution and, with a laser, max_range are numbers
-    n_outside: int  # readings dropped because their sensor does not stand inside the window
+    n_outside: int  # readings dropped because their sensor is not inside the window
     n_points_outside: int  # point observations dropped because they do not lie inside the window
     n_beams_thinned: int = 0  # beams inside the window that thinning left out
 
     def announce(self) -> None:
         """Warn of readings and points outside the window, and log why not all beams of a dense log are used."""
         if self.n_outside:
-            logger.warning(f"{self.n_outside} readings dropped: their sensors stand outside the window")
+            logger.warning(f"{self.n_outside} readings dropped: their sensors are outside the window")
         if self.n_points_outside:
             logger.warning(f"{self.n_points_outside} points dropped: they lie outside the window or on its border")
         if self.n_beams_thinned:

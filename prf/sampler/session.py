@@ -290,7 +290,7 @@ def refuse_changes(
 
 
 def refuse_other_log(run: Run, flag: str, log: str | os.PathLike[str]) -> None:
-    """Raise InputError if `log`, given by the option `flag`, is no file that the run was made from."""
+    """Raise InputError if `log`, given by the option `flag`, is not a file that the run was made from."""
     known = [given.get("sha256") for given in run.manifest.get("inputs", [])]
     if describe_input(log)["sha256"] not in known:
         raise InputError(f"{log}: not the log that the run was made from. Leave {flag} out, or sample anew.")

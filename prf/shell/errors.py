@@ -37,7 +37,7 @@ class PrfError(Exception):
 
 
 class CheckFailed(PrfError):  # noqa: N818 - a "no" for an answer is not an error
-    """A check ran and its answer is no."""
+    """A check ran and failed."""
 
     exit_code = 1
 

@@ -47,7 +47,7 @@ def _check_versions(client: Any, address: str, tool: str, version: Callable[[], 
 
 @contextmanager
 def _silence(*names: str) -> Iterator[None]:
-    """Keep these loggers from saying in many lines what an error says in one."""
+    """Keep these loggers from many lines where an error has one."""
     loggers = [logging.getLogger(name) for name in names]
     before = [logger.level for logger in loggers]
     for logger in loggers:

@@ -79,7 +79,7 @@ def test_sonars_have_a_cone_and_lasers_have_none() -> None:
         (lambda: prf.points([[1.0, 2.0]], [1, 0]), "value: has shape (2,), must be (1,)"),
         (lambda: prf.points([[1.0, 2.0]], [np.inf]), "value[0] is inf"),
         (lambda: prf.sample([]), "readings: there are none"),
-        (lambda: prf.sample(RANGES), "readings: ndarray is no log"),
+        (lambda: prf.sample(RANGES), "readings: ndarray is not a log"),
         (lambda: prf.sample([prf.laser(POSE, ANGLE, RANGES)] * 2), "laser is given twice"),
         (lambda: prf.sample({"radar": "a.log"}), "'radar' is none of laser, sonar, points"),
         (lambda: prf.sample("a.log", sensors=prf.SonarModel()), "no readings of the sonar"),

@@ -144,5 +144,5 @@ def test_a_bad_file_ends_in_one_line_before_any_work(capsys, tmp_path, verb, mon
     before = sorted(tmp_path.iterdir())
     code, out, err = call(capsys, verb, file, "--config", "bad.toml")
     assert (code, out) == (2, "")
-    assert err == "error: bad.toml: [segment] nose: there is no such key. Did you mean noise?\n"
+    assert err == "error: bad.toml: [segment] nose: unknown key. Did you mean noise?\n"
     assert sorted(tmp_path.iterdir()) == before

@@ -93,7 +93,7 @@ def test_topic_and_frame_of_a_bag(capsys, tmp_path):
     code, out, _ = run(capsys, path, "--topic", "/rear", "--frame", "odom", "-v")
     assert code == 0
     assert "format          ROS 1 bag (/rear)" in out
-    assert "beams           2 usable, 0 dropped (range 0), 1 dropped (no number, or too short)" in out
+    assert "beams           2 usable, 0 dropped (range 0), 1 dropped (not a number, or too short)" in out
     assert "poses           tf from odom, interpolated in time" in out
     assert "1 /front" in out
     code, _, err = run(capsys, path, "--topic", "/rear", "--frame", "nowhere")

@@ -62,7 +62,7 @@ def test_labels_by_hand_stay_unless_forced():
 @pytest.mark.parametrize(
     ("values", "message"),
     [
-        ([1, 0, 2, 0, 1, 0, 3, 9, 9], r"neither 0 nor 1 nor 255 at 2 points of patches \(e\.g\. 2\)"),
+        ([1, 0, 2, 0, 1, 0, 3, 9, 9], r"must be 0, 1 or 255, but is not at 2 points of patches \(e\.g\. 2\)"),
         ([1, 0, np.nan, 0, 1, 0, 0, 0, 0], r"at 1 points of patches \(e\.g\. nan\)"),
         (np.zeros((9, 2)), "has 2 numbers a point"),
     ],

@@ -116,10 +116,10 @@ def test_existing_outputs_inputs_and_bad_places_are_refused(tmp_path: Path) -> N
     with pytest.raises(UsageError, match="is an input"):
         claim_output(file, force=True, inputs=[None, "-", str(file)])
     for place in ("no/such.txt", "file/such.txt"):
-        with pytest.raises(OutputError, match="there is no folder"):
+        with pytest.raises(OutputError, match="does not exist"):
             refuse_existing(tmp_path / place, force=True)
         refuse_existing(tmp_path / place, force=False, is_folder=True)
-    with pytest.raises(OutputError, match="a folder is in the way"):
+    with pytest.raises(OutputError, match="is a folder, but a file is expected"):
         refuse_existing(tmp_path, force=True)
     refuse_existing(tmp_path, force=True, is_folder=True)
 

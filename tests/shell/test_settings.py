@@ -66,10 +66,10 @@ def test_an_unusual_combination_is_judged_as_a_whole(file: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("[prior]\nscael = 1\n", ": [prior] scael: there is no such key. Did you mean scale?"),
+        ("[prior]\nscael = 1\n", ": [prior] scael: unknown key. Did you mean scale?"),
         ("[laser]\nnoise-relative = 1\n", "Did you mean noise_relative?"),
         ("[laser]\nzzz = 1\n", "Known are max_range, noise, noise_relative"),
-        ("\n[sonor]\ncone = 1\n", ": there is no table [sonor]. Did you mean sonar?"),
+        ("\n[sonor]\ncone = 1\n", ": unknown table [sonor]. Did you mean sonar?"),
         ("noise = 1\n", ": noise is outside the tables. Move it to [laser] or [sonar] or [simulate]."),
         ("laser = 1\n", ": laser is outside the tables. Write [laser] once"),
         ("presett = 'x'\n", "Did you mean preset?"),
@@ -91,7 +91,7 @@ def test_an_unusual_combination_is_judged_as_a_whole(file: Path) -> None:
         ("[thinning]\nbeam_density = -1\n", ": [thinning] beam_density = -1: must be at least 0, in 1/m²."),
         ("[sampler]\ntemperatures = 3\ntiles = 4\n", ": [sampler] tiles: tempered chains have no tiles"),
         ("[sonar\n", ": not valid TOML"),
-        ("preset = 'kinect'\n", ": preset: there is no preset 'kinect'"),
+        ("preset = 'kinect'\n", ": preset: unknown preset 'kinect'"),
         ("preset = 3\n", "must be the name of a preset"),
         ("preset = ['sick-lms200', 'sick-lms111']\n", "both set [laser]"),
     ],
@@ -111,7 +111,7 @@ def test_flags_and_presets_are_named_as_they_are_given() -> None:
         load(Configuration, flags={"laser.noise": -1.0})
     with pytest.raises(ConfigError, match=r"^--set laser\.noise = \"x\": must be"):
         load(Configuration, assignments=("laser.noise=x",))
-    with pytest.raises(ConfigError, match=r"^--preset: there is no preset 'x'"):
+    with pytest.raises(ConfigError, match=r"^--preset: unknown preset 'x'"):
         load(Configuration, presets=("x",))
 
 

@@ -15,7 +15,7 @@ from prf.shell.errors import EXIT_OK
 
 EXIT_CODES = """Exit codes:
   0    done
-  1    the check said no
+  1    the check failed
   2    usage or configuration error
   3    bad or missing input
   4    output exists or cannot be written
@@ -120,7 +120,7 @@ _Verbose = Annotated[
         callback=_set_verbose,
         expose_value=False,
         show_default=False,
-        help="Say more on standard error; -vv also shows tracebacks.",
+        help="Show more on standard error; -vv also shows tracebacks.",
     ),
 ]
 _Quiet = Annotated[
@@ -130,7 +130,7 @@ _Quiet = Annotated[
         "-q",
         callback=_set_quiet,
         expose_value=False,
-        help="Say nothing but errors: no summary of a result that is written to a file.",
+        help="Show errors only, no summary of a result that is written to a file.",
     ),
 ]
 _Color = Annotated[
@@ -162,8 +162,8 @@ def common_flags() -> list[Any]:
 
 
 def _environment_rule(name: str) -> str:
-    prefix = name.upper()
-    return f"An option --max-range of a verb can be set as {prefix}_VERB_MAX_RANGE in the environment; a flag wins."
+    variable = f"{name.upper()}_VERB_MAX_RANGE"
+    return f"An option --max-range of a verb can be set as {variable} in the environment; a flag takes precedence."
 
 
 def _print_version(ctx: typer.Context, wanted: bool) -> None:

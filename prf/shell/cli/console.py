@@ -55,7 +55,7 @@ class _Handler(logging.Handler):
 def reset() -> None:
     """Go back to what holds without flags, as a tool does when it starts."""
     settings.verbosity, settings.color, settings.progress = 0, ColorChoice.auto, True
-    if isinstance(sys.stdout, io.TextIOWrapper):  # names of files may hold bytes that are no text
+    if isinstance(sys.stdout, io.TextIOWrapper):  # names of files may hold bytes that are not text
         sys.stdout.reconfigure(errors="backslashreplace")
     configure()
 

@@ -20,7 +20,7 @@ from prf.shell.errors import InputError, OutputError, cannot_write, system_reaso
 
 STREAM = "-"
 ESCAPED = "backslashreplace"
-"""How text is encoded: names of files may hold bytes that are no UTF-8, which JSON gives back from their escapes."""
+"""How text is encoded: names of files may hold bytes that are not UTF-8, which JSON gives back from their escapes."""
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 """What the system answers when there is no room for a result."""
 

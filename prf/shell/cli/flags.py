@@ -18,7 +18,7 @@ from prf.shell.errors import UsageError
 
 Verb = Callable[..., None]
 Config = Annotated[
-    str | None, typer.Option("--config", metavar="FILE.toml", help="Settings file; flags and --set win over it.")
+    str | None, typer.Option("--config", metavar="FILE.toml", help="Settings file; flags and --set take precedence.")
 ]
 BOUNDS = (("ge", "min"), ("le", "max"))
 """Bounds of pydantic, and of typer."""

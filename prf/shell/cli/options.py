@@ -63,7 +63,7 @@ def parse_duration(text: str) -> float:
     except ValueError:
         seconds = -1.0
     if not 0.0 <= seconds < float("inf"):
-        raise ValueError(f"{text!r} is no duration. Give seconds, or minutes and hours as 5m, 1.5h or 1h30m")
+        raise ValueError(f"{text!r}: must be seconds, or minutes and hours as 5m, 1.5h or 1h30m")
     return seconds
 
 

@@ -143,9 +143,9 @@ def refuse_existing(path: str | os.PathLike[str], force: bool, is_folder: bool =
     if is_folder:
         return
     if target.is_dir():
-        raise OutputError(f"{path}: a folder is in the way. Name a file.")
+        raise OutputError(f"{path}: is a folder, but a file is expected. Name a file.")
     if not target.parent.is_dir():
-        raise OutputError(f"{path}: cannot be written (there is no folder {target.parent}). Make it first.")
+        raise OutputError(f"{path}: cannot be written (folder {target.parent} does not exist). Make it first.")
     if not os.access(target.parent, os.W_OK | os.X_OK):
         raise OutputError(f"{path}: cannot be written (the folder {target.parent} is not writable).")
 

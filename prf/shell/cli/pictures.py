@@ -68,7 +68,7 @@ def rgb(colour: str) -> tuple[int, int, int]:
 
 
 NO_LETTERS = re.compile(r"[\x00-\x09\x0b-\x1f\x7f-\x9f\ud800-\udfff]")
-"""What fonts and XML cannot show: control characters but the end of a line, bytes of names that are no UTF-8."""
+"""What fonts and XML cannot show: control characters but the end of a line, bytes of names that are not UTF-8."""
 DPI = 160
 FORMATS = ("png", "svg", "pdf")
 LARGEST_WIDTH = 9.0

@@ -92,7 +92,7 @@ def _report_no_memory(error: MemoryError) -> int:
     """Report that a result, or what leads to it, does not fit into memory."""
     _show_traceback()
     words = f" ({error})" if str(error) else ""
-    console.report_error(f"out of memory{words}. Give less to do, or use a machine with more.")
+    console.report_error(f"out of memory{words}. Reduce the job, or use a machine with more.")
     return EXIT_INTERNAL
 
 
@@ -104,9 +104,9 @@ def _report_internal(error: Exception) -> int:
 
 
 def _code_of_exit(error: BaseException) -> int:
-    """Return the code of an explicit exit; a reader that closed the pipe is no reason to complain.
+    """Return the code of an explicit exit; a reader that closed the pipe is not an error.
 
-    Typer turns a broken pipe into ``SystemExit(1)``, which with us would mean "the check said no".
+    Typer turns a broken pipe into ``SystemExit(1)``, which with us would mean "the check failed".
     """
     if isinstance(error, BrokenPipeError) or isinstance(error.__context__, BrokenPipeError):
         _abandon_stdout()

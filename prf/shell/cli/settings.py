@@ -126,7 +126,7 @@ class Loaded(NamedTuple, Generic[T]):
 def key(default: Any, unit: str, meaning: str, flag: str = "", unset: str = "", **constraints: Any) -> Any:
     """Return the pydantic field of a key.
 
-    `unit`: empty for a plain number. `meaning`: in words that can stand in a help text, without capital and full stop.
+    `unit`: empty for a plain number. `meaning`: in words for a help text, without capital and full stop.
     `flag`: the metavar of its flag; empty: it has none, and is set by files and --set alone. `unset`: what applies
     where its default is None, for the help text. `constraints`: those of pydantic, such as ``gt=0``.
     """
@@ -228,7 +228,7 @@ def read_preset(tree: type[Tree], name: str, where: str = "--preset") -> Values:
     """Return the values of a preset; an unknown name raises ConfigError, whose message begins with `where`."""
     known = preset_names(tree)
     if name not in known:
-        raise ConfigError(f"{where}: there is no preset {name!r}. {_instead(name, known)}")
+        raise ConfigError(f"{where}: unknown preset {name!r}. {_instead(name, known)}")
     return tomllib.loads(preset_text(tree, name))
 
 
@@ -318,7 +318,7 @@ def _message(tree: type[Tree], error: ErrorDetails, sources: Mapping[str, str]) 
     """Return one line for an error of pydantic: where, what, and what may have been meant."""
     table, rest = str(error["loc"][0]), error["loc"][1:]
     if table not in tree.tables():
-        return f"{sources[table]}: there is no table [{table}]. {_instead(table, tree.tables())}"
+        return f"{sources[table]}: unknown table [{table}]. {_instead(table, tree.tables())}"
     if not rest and not isinstance(error.get("ctx", {}).get("error"), SettingError):
         return _of_table(table, str(error["msg"]).removeprefix("Value error, "), sources)
     given = {place.partition(".")[2]: each for place, each in sources.items() if place.startswith(f"{table}.")}
@@ -341,7 +341,7 @@ def _refusal(
     name = str(loc[0])
     place = given.get(name, home + name)
     if error["type"] == "extra_forbidden":
-        return f"{place}: there is no such key. {_instead(name, table.model_fields)}"
+        return f"{place}: unknown key. {_instead(name, table.model_fields)}"
     words = error["msg"].removeprefix("Value error, ").replace("Input should be", "must be")
     if error["type"] in BOUND_WORDS:
         unit = note_of(table, name, "unit")

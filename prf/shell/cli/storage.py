@@ -42,7 +42,7 @@ def load_arrays(path: Path, schema: str) -> dict[str, NDArray[Any]]:
                 raise damaged(path, "not a .npz archive")
             arrays = {name: stored[name] for name in stored.files}
             if not all(isinstance(array, np.ndarray) for array in arrays.values()):
-                raise damaged(path, "a member is no array")
+                raise damaged(path, "a member is not an array")
             found = str(arrays.pop("schema", ""))
     except InputError:
         raise
@@ -87,10 +87,10 @@ def check_schema(path: Path, found: str, expected: str) -> None:
     kind, _, version = expected.rpartition("/")
     if not found:
         tool = kind.partition(".")[0]
-        raise InputError(f"{path}: no schema: this is not a file that {tool} wrote. Expected {expected}.")
+        raise InputError(f"{path}: has no schema, expected {expected}: a file that {tool} wrote.")
     if found.startswith(f"{kind}/"):
         raise OtherVersion(
-            f"{path}: version {found.rpartition('/')[2]} of {kind} is not known to this release, which reads version "
+            f"{path}: version {found.rpartition('/')[2]} of {kind} is unknown to this release, which reads version "
             f"{version}. Use the release that wrote it.",
             found,
         )

@@ -80,7 +80,7 @@ class Bag:
 
 
 def bag_suffix(head: bytes) -> str:
-    """Return the end of name that fits a bag beginning with `head`, or "" if it is no bag."""
+    """Return the end of name that fits a bag beginning with `head`, or "" if it is not a bag."""
     return next((suffix for magic, suffix in MAGICS if head.startswith(magic)), "")
 
 
@@ -153,7 +153,7 @@ def _refusing_damage(source: str) -> Iterator[None]:
     except Exception as error:
         if isinstance(error, OSError) and error.strerror and error.filename is None:
             raise InputError(f"{source}: cannot be read ({system_reason(error)}).") from error
-        too_large = "it promises more than memory holds" if isinstance(error, MemoryError) else ""
+        too_large = "its header announces more than memory holds" if isinstance(error, MemoryError) else ""
         words = too_large or " ".join(str(error).split())[:120] or type(error).__name__
         raise InputError(
             f"{source}: the bag is damaged, or of a version that cannot be read ({words}). "

@@ -36,7 +36,7 @@ TICKS = ((9e17, 1e-9), (9e14, 1e-6), (9e11, 1e-3))
 """Times of this millennium are above these where they are nano-, micro- or milliseconds since 1970."""
 
 LAYOUTS = (
-    "Read are rows of 12 numbers (3x4 matrix, KITTI), 16 (4x4), 7 (tx ty tz and a quaternion), 8 (time or name and "
+    "Rows may be 12 numbers (3x4 matrix, KITTI), 16 (4x4), 7 (tx ty tz and a quaternion), 8 (time or name and "
     "these), g2o, 4x4 matrices over four lines, JSON, and CSV with a header such as t,x,y,theta."
 )
 
@@ -100,7 +100,7 @@ def read_pose_file(path: str, quaternion: Order | None = None, key: str = "quate
     if width == 8 or (width == 4 and is_planar):
         times, values = values[:, 0], values[:, 1:]
     if not is_planar and values.shape[1] not in (7, 12, 16):
-        raise InputError(f"{where[0]}: {width} columns are no pose. {LAYOUTS}")
+        raise InputError(f"{where[0]}: {width} columns, expected a pose of 7, 8, 12 or 16 numbers. {LAYOUTS}")
     _refuse_far(values, where)
     layout = "g2o" if rows.is_g2o else {8: "TUM", 12: "KITTI", 4: "t x y theta"}.get(width, f"rows of {width}")
     if is_planar:
@@ -116,23 +116,23 @@ def read_pose_file(path: str, quaternion: Order | None = None, key: str = "quate
 def in_seconds(times: Floats) -> Floats:
     """Return times (k,), nan where unknown, in seconds: other units since 1970 are known by their size."""
     low, high = float(np.nanmin(times)), float(np.nanmax(times))
-    if not low > 0.5 * high:  # counted from the start: of a unit that its size does not tell
+    if not low > 0.5 * high:  # counted from the start: of a unit that its size does not show
         return times
     return times * next((factor for least, factor in TICKS if high > least), 1.0)
 
 
 def check_rotations(matrices: Floats, where: Sequence[str]) -> None:
-    """Raise InputError for the first of the matrices (k, 3, 3) that is no rotation, naming its place."""
+    """Raise InputError for the first of the matrices (k, 3, 3) that is not a rotation, naming its place."""
     error = np.abs(matrices @ matrices.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2))
     is_orthogonal = error < ROTATION_TOLERANCE
     wrong = np.flatnonzero(~is_orthogonal | (np.linalg.det(matrices) < 0.0))
     if len(wrong):
-        what = "mirrors, as left-handed axes do" if is_orthogonal[wrong[0]] else "is no rotation"
+        what = "mirrors, as left-handed axes do" if is_orthogonal[wrong[0]] else "is not a rotation"
         raise InputError(f"{where[wrong[0]]}: the matrix of this pose {what}. Check the layout of the file. {LAYOUTS}")
 
 
 def matrix_poses(values: Floats, where: Sequence[str]) -> Floats:
-    """Return the poses (k, 4, 4) of rows of 12 numbers, refused where they are no rigid motions."""
+    """Return the poses (k, 4, 4) of rows of 12 numbers, refused unless they are rigid motions."""
     _refuse_far(values, where)
     return _of_matrices(values, where)
 
@@ -205,7 +205,7 @@ def _of_quaternions(values: Floats, where: Sequence[str], path: str, order: Orde
     wrong = np.flatnonzero(np.abs(length - 1.0) > ROTATION_TOLERANCE)
     if len(wrong):
         found = f"(length {length[wrong[0]]:.3g})"
-        raise InputError(f"{where[wrong[0]]}: the last four columns are no unit quaternion {found}. {LAYOUTS}")
+        raise InputError(f"{where[wrong[0]]}: the last four columns must be a unit quaternion {found}. {LAYOUTS}")
     as_xyzw, as_wxyz = (Rotation.from_quat(values[:, columns]).as_matrix() for columns in ([3, 4, 5, 6], [4, 5, 6, 3]))
     if order is None and as_xyzw[:, 2, 2].min() < TILTED and as_wxyz[:, 2, 2].min() > UPRIGHT:
         raise InputError(
@@ -220,7 +220,9 @@ class _Rows(NamedTuple):
 
     where: list[str]  # place of each, for messages
     values: Floats  # (k, w)
-    names: tuple[str, ...] | None = None  # first column where it is no number, such as v0; of g2o the number behind a v
+    names: tuple[str, ...] | None = (
+        None  # first column where it is not a number, such as v0; of g2o the number behind a v
+    )
     columns: tuple[str, ...] | None = None  # what the columns of `values` are by the header, keys of `NAMES`
     is_g2o: bool = False
 
@@ -280,7 +282,7 @@ def numbers(rows: Sequence[Sequence[str]], where: Sequence[str]) -> Floats:
             if not (_is_number(field) and math.isfinite(float(field))):
                 raise InputError(f"{place}: {field[:24]!r} is not a finite number. {LAYOUTS}")
         if len(fields) != len(rows[0]):
-            raise InputError(f"{place}: {len(fields)} columns, but {len(rows[0])} before. Mend this line.")
+            raise InputError(f"{place}: {len(fields)} columns, but {len(rows[0])} before. Correct this line.")
     return np.array(rows, np.float64)
 
 
@@ -352,7 +354,7 @@ def _of_table(lines: Sequence[str], source: str) -> _Rows | None:
     rows = [(f"{source}:{at}", cells) for at, cells in data if at > number]
     for place, cells in rows:
         if len(cells) != len(names):
-            raise InputError(f"{place}: {len(cells)} columns below a header of {len(names)}. Mend this line.")
+            raise InputError(f"{place}: {len(cells)} columns below a header of {len(names)}. Correct this line.")
     if not rows:
         raise InputError(f"{source}: no poses. {LAYOUTS}")
     if "t" in columns and not any(cells[columns["t"][0]] for _, cells in rows):

@@ -32,7 +32,7 @@ def test_camera_poses_become_those_of_the_laser(tmp_path):
         ("P0: 1 0 0\n", "calib.txt: no row Tr:"),
         ("Tr: 1 0 0\n", "calib.txt:1: expected the 12 numbers"),
         ("P0: 1\nTr: 1 0 0 nan 0 1 0 0 0 0 1 0\n", "calib.txt:2: 'nan' is not a finite number"),
-        ("P0: 1\nTr: 1 0 0 0 0 1 0 0 0 0 3 0\n", "calib.txt:2: the matrix of this pose is no rotation"),
+        ("P0: 1\nTr: 1 0 0 0 0 1 0 0 0 0 3 0\n", "calib.txt:2: the matrix of this pose is not a rotation"),
     ],
 )
 def test_what_is_no_calibration_is_refused(text, message, tmp_path):
