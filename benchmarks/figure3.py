@@ -202,12 +202,12 @@ def draw_density(axes: Any, sight: Sight) -> None:
     r = r[(r >= 0.0) & (r < limit)]
     total = density(sight, r)
     empty = sight._replace(scene=scene_of_coloring(Coloring.empty(WINDOW), limit))
-    stray = sight.returns.none * density(empty, r)
+    outlier = sight.returns.none * density(empty, r)
     axes.fill_between(r, total, color=SURFACE_INK, alpha=0.12, linewidth=0)
     axes.plot(r, total, color=SURFACE_INK, linewidth=1.4)
-    axes.plot(r, stray, color=NONE_INK, linewidth=1.1, linestyle=(0, (3, 2)))
+    axes.plot(r, outlier, color=NONE_INK, linewidth=1.1, linestyle=(0, (3, 2)))
     axes.set_yscale("log")
-    axes.set_ylim(stray.min() / 3.0, 9.0 * total.max())
+    axes.set_ylim(outlier.min() / 3.0, 9.0 * total.max())
     axes.set_xlim(0.0, limit + 0.45)
     label_peaks(axes, sight)
     silent = float(density(sight, np.array([math.inf]))[0])
@@ -215,7 +215,7 @@ def draw_density(axes: Any, sight: Sight) -> None:
     axes.annotate(
         f"no return\n{silent:.3f}", (limit + 0.2, silent * 1.25), color=NONE_INK, fontsize=8, ha="center", va="bottom"
     )
-    axes.annotate("stray", (0.5, float(np.interp(0.5, r, stray)) * 0.55), color=NONE_INK, fontsize=8)
+    axes.annotate("outlier", (0.5, float(np.interp(0.5, r, outlier)) * 0.55), color=NONE_INK, fontsize=8)
     axes.set_xlabel("range (m)", color=style.MUTED, fontsize=9)
     axes.set_ylabel("density (1/m); bar: probability", color=style.MUTED, fontsize=9)
     axes.tick_params(colors=style.MUTED, labelsize=8, color=style.FRAME, width=0.8, length=3, which="both")

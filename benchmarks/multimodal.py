@@ -7,7 +7,7 @@ Run it from the repository's root::
 A corridor leads through a lobby with a fire door at either end, which the robot never enters. While it is on the left,
 the left door stands open and the right one is shut; when it comes back, on the right, it is the other way round. A
 static map can have one of the doors shut, not both, for then no beam would reach either: each reading explains the
-beams of one pass that end at a door and takes those of the other for strays, and with both doors open, or both shut,
+beams of one pass that end at a door and takes those of the other for outliers, and with both doors open, or both shut,
 fifty nats are lost. The sides of the lobby are glass and give no reading.
 
 What the robot reads on the right is the mirror image of what it reads on the left, noise included; so are window and

@@ -178,9 +178,9 @@ def sonar_density(reading: Floats, feature: Floats, there: NDArray[np.bool_], ma
         uniform, short = value["uniform_probability"], value["short_probability"]
         decay = np.exp(-z / value["short_length"])
         missed = 1.0 - uniform - short + short * decay
-        stray = np.where(returned, uniform / max_range + short / value["short_length"] * decay, missed)
+        outlier = np.where(returned, uniform / max_range + short / value["short_length"] * decay, missed)
         hit = _hit(np.broadcast_to(reading[:, None], depth.shape), depth, value, power, max_range)
-        total: Floats = (left[:, :-1] * q * hit).sum(axis=1) + left[:, -1] * stray
+        total: Floats = (left[:, :-1] * q * hit).sum(axis=1) + left[:, -1] * outlier
         return total
 
     return density

@@ -17,7 +17,7 @@ from prf.readings.robot import QUARTER_DEGREES, half_circle
 from prf.shell.errors import ConfigError
 from prf.simulate.world import Floats
 
-HAIR = 1e-9
+REL_TOL = 1e-9
 """Share of the step between beams by which intervals are widened, so that no beam slips between neighbouring walls."""
 MAX_BEAMS = 100_000  # of a scan; no scanner in a plane has a tenth of that
 BLOCK = 64  # scans between two reports of progress
@@ -36,7 +36,7 @@ class LaserPhysics:
     noise: float = 0.03
     noise_relative: float = 0.01
     # share of readings that are uniform between 0 and `max_range`. The window that `prf sample` takes by default leaves
-    # 0.5 % of the returns outside: more strays than that beyond the walls widen it
+    # 0.5 % of the returns outside: more outliers than that beyond the walls widen it
     outlier_probability: float = 0.003
     miss_probability: float = 0.02  # share of readings without return although a wall is in reach
 
@@ -44,7 +44,7 @@ class LaserPhysics:
         """Refuse parameters that no scanner has."""
         if not 2 <= self.beams <= MAX_BEAMS:
             raise ConfigError(f"beams {self.beams}: a scan has at least 2, and at most {MAX_BEAMS:,}")
-        if not 0.0 < self.field_of_view <= 2.0 * math.pi + HAIR:
+        if not 0.0 < self.field_of_view <= 2.0 * math.pi + REL_TOL:
             raise ConfigError(f"field-of-view {self.field_of_view}: must lie above 0 and be at most 2 pi, in radians")
         check_length("max-range", self.max_range)
         for name in ("noise", "noise_relative"):
@@ -59,14 +59,14 @@ class LaserPhysics:
     @property
     def is_half_circle(self) -> bool:
         """Whether the field of view is what a FLASER line of CARMEN of so many beams has."""
-        return abs(self.field_of_view - math.pi) < HAIR and self.beams not in QUARTER_DEGREES
+        return abs(self.field_of_view - math.pi) < REL_TOL and self.beams not in QUARTER_DEGREES
 
     @property
     def step(self) -> float:
         """Radians from beam to beam."""
         if self.is_half_circle:
             return float(np.diff(half_circle(self.beams)[:2])[0])
-        is_round = self.field_of_view > 2.0 * math.pi - HAIR
+        is_round = self.field_of_view > 2.0 * math.pi - REL_TOL
         return self.field_of_view / (self.beams if is_round else self.beams - 1)
 
     @property
@@ -108,7 +108,7 @@ def measure(distance: Floats, physics: LaserPhysics, rng: np.random.Generator) -
     A return is normal round the distance, cut at 0; what it has beyond the maximum range is no return.
     """
     kind = rng.random(distance.shape)
-    stray = physics.max_range * (1.0 - rng.random(distance.shape))  # in (0, max_range]
+    outlier = physics.max_range * (1.0 - rng.random(distance.shape))  # in (0, max_range]
     in_reach = distance < physics.max_range
     d = np.where(in_reach, distance, 0.0)
     spread = np.maximum(physics.noise, physics.noise_relative * d)
@@ -120,7 +120,7 @@ def measure(distance: Floats, physics: LaserPhysics, rng: np.random.Generator) -
     reading = np.where(in_reach & (reading < physics.max_range), reading, np.inf)
     miss = physics.outlier_probability + physics.miss_probability
     reading = np.where(kind < miss, np.inf, reading)
-    return np.where((kind < physics.outlier_probability) & (stray < physics.max_range), stray, reading)
+    return np.where((kind < physics.outlier_probability) & (outlier < physics.max_range), outlier, reading)
 
 
 def _sweep(walls: Floats, pose: Floats, physics: LaserPhysics, distance: Floats) -> None:
@@ -137,8 +137,8 @@ def _sweep(walls: Floats, pose: Floats, physics: LaserPhysics, distance: Floats)
     turn = 2.0 * np.pi / step
     # An interval may begin before the first beam, a turn earlier.
     begin = np.concatenate([begin, begin - turn])
-    low = np.maximum(np.ceil(begin - HAIR), 0.0).astype(np.int64)
-    high = np.minimum(np.floor(begin + np.tile(width, 2) + HAIR), physics.beams - 1.0).astype(np.int64)
+    low = np.maximum(np.ceil(begin - REL_TOL), 0.0).astype(np.int64)
+    high = np.minimum(np.floor(begin + np.tile(width, 2) + REL_TOL), physics.beams - 1.0).astype(np.int64)
     count = np.maximum(high - low + 1, 0)
     at = np.repeat(np.tile(np.arange(len(faces)), 2), count)
     beam = np.repeat(low - np.cumsum(count) + count, count) + np.arange(len(at))

@@ -92,8 +92,8 @@ def simulate_sonar(
     distance = heard.reshape(len(poses), len(ring))
     spread = np.maximum(physics.noise, physics.noise_relative * np.where(np.isinf(distance), 0.0, distance))
     reading = np.maximum(distance + spread * rng.standard_normal(distance.shape), 0.001)
-    kind, stray = rng.random(distance.shape), physics.max_range * (1.0 - rng.random(distance.shape))
-    reading = np.where(kind < physics.outlier_probability, stray, reading)
+    kind, outlier = rng.random(distance.shape), physics.max_range * (1.0 - rng.random(distance.shape))
+    reading = np.where(kind < physics.outlier_probability, outlier, reading)
     missed = (kind >= physics.outlier_probability) & (kind < physics.outlier_probability + physics.miss_probability)
     return np.where(missed | (reading >= physics.max_range), np.inf, reading)
 

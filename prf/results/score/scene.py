@@ -22,7 +22,7 @@ from prf.model.window import INTERIOR, Window
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
-HAIR = 1e-9  # share of a window's extent within which a vertex lies on its border
+REL_TOL = 1e-9  # share of a window's extent within which a vertex lies on its border
 FLAT = 1e-6  # metres by which a vertex must leave the line through its neighbours, else it is no corner
 CELLS_PER_EDGE = 2.0  # cells of the index of edges: fewer make lists longer, more make walks longer
 MIN_CELLS, MAX_CELLS = 100.0, 250_000.0
@@ -73,9 +73,9 @@ def outline(region: BaseGeometry, window: Window | None) -> tuple[Floats, Ints]:
     _, number = np.unique(sides.reshape(-1, 2), axis=0, return_inverse=True)
     corners = number.reshape(-1, 2).astype(np.int32)
     if window is not None:
-        hair = HAIR * max(window.width, window.height)
+        tolerance = REL_TOL * max(window.width, window.height)
         bounds = np.array([window[:2], window[2:]])
-        at_border = np.abs(sides[:, :, None, :] - bounds) <= hair  # side, end, lower or upper, x or y
+        at_border = np.abs(sides[:, :, None, :] - bounds) <= tolerance  # side, end, lower or upper, x or y
         corners[at_border.any(axis=(2, 3))] = c.NONE
         inner = ~at_border.all(axis=1).any(axis=(1, 2))
         sides, corners = sides[inner], corners[inner]

@@ -31,7 +31,7 @@ ROOM = Window(0.0, 0.0, 10.0, 8.0)
 WALL = shapely.box(3.0, 0.0, 3.5, 8.0)
 VIEW = 0.349
 NOTHING = 0.2 / 3.5
-"""Density of a stray reading far from the short ones."""
+"""Density of an outlier far from the short ones."""
 
 
 def held(cones: list[Cone], readings: object, ring: Ring | None = None) -> HeldOutSonar:
@@ -81,10 +81,10 @@ class TestOneWall:
         colorings = [from_polygons(area, ROOM) for area in (WALL, covering)]
         found = score(draws_of([*colorings, Coloring.empty(ROOM)]), None, sonar=held([AHEAD], [2.02]))
         wall = float(slow_sonar.density(Ring(), [*self.features], np.array([2.02]))[0])
-        stray = float(slow_sonar.density(Ring(), [], np.array([2.02]))[0])
-        assert found["sonar_nll"] == pytest.approx(-math.log((wall + stray + stray) / 3.0), rel=1e-12)
+        outlier = float(slow_sonar.density(Ring(), [], np.array([2.02]))[0])
+        assert found["sonar_nll"] == pytest.approx(-math.log((wall + outlier + outlier) / 3.0), rel=1e-12)
         assert found["sonar_sensor_occupied"] == pytest.approx(1.0 / 3.0)
-        assert stray == pytest.approx(NOTHING, rel=0.1)
+        assert outlier == pytest.approx(NOTHING, rel=0.1)
 
     def test_an_occupied_sensor_without_return(self) -> None:
         found = score(PolygonMap(OccupiedArea(WALL, None)), None, sonar=held([INSIDE], [math.inf]))
