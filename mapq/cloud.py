@@ -104,7 +104,7 @@ class PointCloud:
         return _moved(xyz.copy(), self.shift * self.unit)
 
     def in_unit(self, unit: NDArray[np.float64]) -> PointCloud:
-        """Return the same world coordinates, a unit of which is so many metres (3,) and not what was thought."""
+        """Return the same world coordinates, with another unit: its metres along each axis (3,)."""
         if np.array_equal(unit, self.unit):
             return self
         return replace(self, xyz=self.xyz * (unit / self.unit), unit=np.array(unit, np.float64))

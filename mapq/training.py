@@ -24,7 +24,7 @@ from prf.shell.cli.progress import Report
 from prf.shell.cli.provenance import describe_input, describe_process
 
 N_REGIONS = 20
-"""Into so many regions the labelled patches of all maps are cut for cross-validation, about."""
+"""About the number of regions into which labelled patches are cut for cross-validation."""
 SMALLEST_REGION = 8
 """Patches: smaller regions would part neighbours wherever they are cut."""
 

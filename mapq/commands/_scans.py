@@ -19,7 +19,7 @@ BAG_FILES = (".yaml", ".db3", ".mcap", ".bag")
 
 
 class ScanOptions(NamedTuple):
-    """What the options of a verb say of scans."""
+    """What the options of a verb give about scans."""
 
     poses: str | None = None
     calibration: str | None = None

@@ -44,7 +44,7 @@ class FeatureSettings:
     noise : float or None
         Metres: standard deviation of points from their surface. None: the median over the patches. Never below `eps`.
     n_watched : int
-        In the safe reading the closest so many are watched, and joined too where they lie over the patch or cross it:
+        The safe reading watches this many of the closest, and joins them too where they lie over the patch or cross it:
         among windows and doors the second copy of a wall is seldom one of the four closest. 0 for the paper's four.
     tolerance : float
         Metres: two surfaces this far apart count half as doubled; at three quarters of it a tenth, at four thirds nine

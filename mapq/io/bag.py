@@ -174,7 +174,7 @@ def _poses(bag: Bag, scans: list[_Scan], named: str | None) -> Rigid | None:
 
 
 def _placed(points: Array, poses: Rigid | None, row: int, unit: float) -> NDArray[Any]:
-    """Return points (n, 3), in units of so many metres, in the frame of the map; tf is in metres."""
+    """Return points (n, 3), in units of this many metres, in the frame of the map; tf is in metres."""
     if poses is None:
         return points
     wide = points.astype(np.float64)

@@ -1,4 +1,4 @@
-"""Clouds of any format: the format is recognised from the content, and from the name only where that cannot tell."""
+"""Clouds of any format: the format is recognised from the content, and from the name where that is not enough."""
 
 from __future__ import annotations
 

@@ -232,7 +232,7 @@ def _result(cloud: PointCloud) -> PatchSummary:
 def _summary(
     counts: NDArray[np.int64], labels: Mapping[str, int], sources: Mapping[str, int] | None = None
 ) -> PatchSummary:
-    """Return the summary of patches with so many points (m,)."""
+    """Return the summary of patches with these numbers of points (m,)."""
     median = float(np.median(counts)) if len(counts) else NAN
     return PatchSummary(len(counts), int(counts.sum()), median, labels, sources or {})
 

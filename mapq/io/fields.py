@@ -127,7 +127,7 @@ def columns_of(table: Array) -> dict[str, Array]:
 
 
 def joined_fields(parts: Sequence[Mapping[str, Array]], counts: Sequence[int], source: str) -> dict[str, Array]:
-    """Return the fields of scans with so many points, and `scan` if there are several and none is called so."""
+    """Return the fields of scans with this many points, and `scan` if several have no such field."""
     fields = common_fields(parts, source)
     if len(parts) > 1 and SCAN not in fields:
         fields[SCAN] = np.repeat(np.arange(len(parts), dtype=np.int32), counts)
@@ -148,7 +148,7 @@ def common_fields(parts: Sequence[Mapping[str, Array]], source: str) -> dict[str
 
 
 def to_sensor_fields(world: Array, sensor: Array, unit: float = 1.0) -> dict[str, Array]:
-    """Return the way from places (n, 3) to their sensors (n, 3), both in units of so many metres, as point fields.
+    """Return the way from places (n, 3) to their sensors (n, 3), both in units of this many metres, as point fields.
 
     A difference in metres, so that large coordinates lose nothing in single precision.
     """
@@ -156,7 +156,7 @@ def to_sensor_fields(world: Array, sensor: Array, unit: float = 1.0) -> dict[str
 
 
 def fields_of_scans(world: Array, places: Array, counts: Sequence[int], unit: float = 1.0) -> dict[str, Array]:
-    """Return the way to the sensor of points (n, 3) of scans with so many, taken at places (k, 3), if these differ."""
+    """Return the way to the sensor of points (n, 3) of scans, taken at places (k, 3), if these differ."""
     if not np.ptp(places, axis=0).any():
         return {}
     return to_sensor_fields(world, np.repeat(places, counts, axis=0), unit)

@@ -151,7 +151,7 @@ def write_ply(path: str | os.PathLike[str], cloud: PointCloud) -> None:
 
 
 def write_ply_pieces(path: str, n_points: int, pieces: Iterable[PointCloud]) -> None:
-    """Write a cloud of so many points piece by piece, of which the first has the properties of all.
+    """Write a cloud of this many points piece by piece, of which the first has the properties of all.
 
     Raises OutputError if it cannot be written, or a piece has other fields.
     """
@@ -168,7 +168,7 @@ def write_ply_pieces(path: str, n_points: int, pieces: Iterable[PointCloud]) -> 
 
 
 def header_of(dtype: np.dtype[Any], n_rows: int) -> bytes:
-    """Return the header of a binary file of so many vertices of this type."""
+    """Return the header of a binary file of this many vertices of this type."""
     properties = [f"property {WRITTEN[dtype[name].str[1:]]} {name}" for name in dtype.names or ()]
     lines = ["ply", "format binary_little_endian 1.0", f"element vertex {n_rows}", *properties, "end_header", ""]
     return "\n".join(lines).encode()

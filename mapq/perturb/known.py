@@ -20,7 +20,7 @@ from mapq.posed.merge import Merged, cell_keys
 Floats = NDArray[np.float64]
 
 CELL, LARGEST_CELL = 0.4, 0.3
-"""Side of the cells, by the reach; and at most, in metres, lest one cell hold more than one surface."""
+"""Side of the cells, by the reach; and at most, in metres, so that no cell holds more than one surface."""
 PARALLEL = np.cos(np.radians(30.0))
 """Cosine between normals of what may be the same surface."""
 TOLERANCE = 0.15

@@ -22,7 +22,7 @@ logger = logging.getLogger(__name__)
 Floats = NDArray[np.float64]
 
 AT_THE_SENSOR = 0.01
-"""Metres: a return so close is none; many sensors write (0, 0, 0) for "no return"."""
+"""Metres: closer returns are not returns; many sensors write (0, 0, 0) for "no return"."""
 FINEST, COARSEST = 0.05, 100.0
 """Metres: side of the cubes by which too many points are thinned first; it is doubled until they are few enough."""
 PASS = "pass_id"

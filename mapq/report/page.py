@@ -227,7 +227,7 @@ def _round_up(value: float) -> float:
 
 
 MAX_POINTS = 120_000
-"""Default of the points that the views show: a laptop turns so many smoothly."""
+"""Default of the points that the views show: a laptop turns this many smoothly."""
 MEASURES = ("n_points", "area_m2", "width_m", "height_m", "rms_m", "thickness_m", "tilt_deg", "difference")
 """Numbers of a patch that the page has beside label, probability and place."""
 DIGITS = 5

@@ -20,7 +20,7 @@ MOST_BOXED = 200_000
 """Points that this box is computed from."""
 
 N_DIRECTIONS = 24
-"""In so many directions the outermost point of a patch is a corner: its hull, without corners blunter than 15°."""
+"""Directions in which the outermost point of a patch is a corner:  its hull, without corners blunter than 15°."""
 N_ROUNDS = 12
 """Sizes of cells that are tried at most to thin points; each try is a sort."""
 CLOSE_ENOUGH = 0.8
@@ -46,7 +46,7 @@ class Scene(NamedTuple):
     corner_start: NDArray[np.int64]  # (m + 1,) where those of each patch begin; one without outline has none
     low: Floats  # (3,) box of all points in patches, and of the others without those far out
     high: Floats  # (3,)
-    n_points: int  # so many points are finite
+    n_points: int  # finite points
 
     def pack(self) -> tuple[dict[str, Any], bytes]:
         """Return how the numbers are to be read, and the numbers: little-endian int32, column after column."""

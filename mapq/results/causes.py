@@ -33,7 +33,7 @@ BEYOND = 0.15
 LEAST = 0.05
 """Metres: by less it parts no surface that anybody would call doubled."""
 CLEARLY = np.sqrt(2.0)
-"""Visits must part by so many times what parts scans of one: errors from scan to scan part visits too, by less."""
+"""Factor by which visits must disagree more than scans of one visit, whose errors separate visits a little too."""
 MOST_POINTS = 20_000
 """Of a patch and its copies that are looked at."""
 

@@ -83,7 +83,7 @@ def _judged(
     coverage: float,
     source: str,
 ) -> Judged:
-    """Return what `COLUMNS` (6, m) of patches are at places (n, 3) that stand for so many points (n,)."""
+    """Return what `COLUMNS` (6, m) of patches are at places (n, 3) that represent this many points (n,)."""
     area, whole, probability, low, metres, high = columns
     error = (high - low) / (2.0 * 1.96)  # the bounds hold it in 95 of 100
     areas = n_points * (area / np.maximum(whole, 1.0))[patch]

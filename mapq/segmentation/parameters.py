@@ -43,7 +43,7 @@ class Parameters(NamedTuple):
     up: NDArray[np.float64]
 
     def described(self, quarter: int) -> dict[str, Any]:
-        """Return them as :class:`mapq.patches.Patches` keeps them, in the axes of before so many turns by quarters."""
+        """Return them as :class:`mapq.patches.Patches` keeps them, in the axes before these quarter turns."""
         values = {**self._asdict(), "up": turn(self.up, -quarter).tolist()}
         del values["level"]
         return values

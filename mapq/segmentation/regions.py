@@ -154,5 +154,5 @@ def spread_out(points: Points, core: Core, chosen: Parameters, region: NDArray[n
 
 
 def _tolerance(chosen: Parameters, factor: float) -> Tolerance:
-    """Return what fits a plane, with so many times the angle."""
+    """Return what fits a plane, at this multiple of the angle."""
     return Tolerance(float(np.cos(np.radians(min(factor * chosen.max_angle, 90.0)))), chosen.max_distance)

@@ -16,12 +16,12 @@ from mapq.kernels.neighbours import find_neighbours
 from mapq.kernels.normals import estimate_normals, trimmed_residuals
 
 SAMPLE = 3000
-"""Points that are looked at to choose a level, every so many along the curve: their standard error is about 2 %."""
+"""Size of the sample, taken evenly along the curve, that chooses a level: its standard error is about 2 %."""
 LARGE_SAMPLE = 8_000
 """Points that spacing and noise are estimated from then, to about 1 %. Eight times as many would cost a third more time
 on a million points."""
 WIDEST = 48
-"""Neighbours of the sample: so many distinguish a plane with others beside it from a ball."""
+"""Neighbours of the sample: enough to distinguish a plane with others beside it from a ball."""
 TURNS = 28
 """Candidate planes of a robust fit."""
 THIN = 0.03

@@ -72,7 +72,7 @@ def find_level(points: Points, settings: SegmentSettings, finest: Scale) -> int:
 
 
 def measure(points: Points, level: int, settings: SegmentSettings, n_sample: int) -> Scale:
-    """Return the scale of the representatives of one level, from a sample of about so many of them.
+    """Return the scale of the representatives of one level, from a sample of about this size.
 
     What is measured are neighbourhoods as the patches that will be kept: upright ones under a limit of tilt.
     """

@@ -69,7 +69,7 @@ def draw_windows(rng: np.random.Generator) -> Windows:
 def add_facade(
     builder: SceneBuilder, line: Line, z: tuple[float, float], windows: Windows, rng: np.random.Generator
 ) -> None:
-    """Add a facade with as many windows as fit, and a door where it stands on the ground."""
+    """Add a facade with as many windows as fit, and a door if it begins on the ground."""
     columns = int((line.length - 0.8) / windows.pitch)
     storeys = int((z[1] - z[0]) / windows.storey)
     if columns < 1 or storeys < 1:
@@ -126,7 +126,7 @@ def _add_ribbons(
 def _add_bays(
     builder: SceneBuilder, line: Line, z: tuple[float, float], windows: Windows, plane: int | None, columns: int
 ) -> None:
-    """Add storeys of which pilasters stand out, with bays of wall and glass between them."""
+    """Add storeys with projecting pilasters, with bays of wall and glass between them."""
     margin = 0.5 * (line.length - columns * windows.pitch)
     last = 0.0
     for column in range(columns):
@@ -196,7 +196,7 @@ def _add_pane(builder: SceneBuilder, opening: Line, z: tuple[float, float], rece
 
 
 def _add_jambs(builder: SceneBuilder, opening: Line, z: tuple[float, float], recess: float) -> None:
-    """Add the two sides of the openings of one column, in one piece: behind the facade nobody sees it."""
+    """Add the two sides of the openings of one column, in one piece: behind the facade it is not seen."""
     for corner in (opening.start, opening.end):
         builder.wall(corner, corner + recess * opening.inward, z, Kind.REVEAL)
 
@@ -265,7 +265,7 @@ def add_yard(builder: SceneBuilder, front: Line, depth: float, rng: np.random.Ge
 
 
 def _askew(line: Line, rng: np.random.Generator) -> Line:
-    """Return the line turned by up to some degrees: nobody parks quite straight."""
+    """Return the line turned by up to some degrees, as cars are parked."""
     end = line.end + np.clip(rng.normal(0.0, 0.03), -0.08, 0.08) * line.length * line.inward
     return Line.facing(line.start, end, line.inward)
 

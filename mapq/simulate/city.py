@@ -33,7 +33,7 @@ SIGMA = 0.015
 HOUSES = (2, 5)
 """Houses on a side of a block: from, and below."""
 SETBACK = 0.8
-"""Metres by which a house stands behind the street line at most: some stand in one line but for less than the noise."""
+"""Metres by which a house is behind the street line at most: some are in one line within the noise."""
 HEIGHT = (6.0, 13.0)
 TWICE = 0.3
 """Chance that a side was seen on two visits that drift parts."""
@@ -141,7 +141,7 @@ def _side(rng: np.random.Generator, side: int, surface: int) -> list[Part]:
 
 
 def _displacement(rng: np.random.Generator) -> tuple[float, float] | None:
-    """Return by how many metres and degrees a second visit stands off the first; None where there is none."""
+    """Return by how many metres and degrees a second visit is off the first; None without one."""
     chance, metres, sign, degrees = rng.uniform(), rng.uniform(*APART), rng.choice([-1.0, 1.0]), rng.normal()
     return (float(sign * metres), float(np.clip(0.5 * degrees, -1, 1) * TURNED)) if chance < TWICE else None
 
@@ -198,7 +198,7 @@ class Tile(NamedTuple):
 
 
 class City(NamedTuple):
-    """Columns and rows of blocks, cut into tiles of so many blocks a side."""
+    """Columns and rows of blocks, and the blocks along the side of a tile."""
 
     columns: int
     rows: int
@@ -217,7 +217,7 @@ class City(NamedTuple):
 
 
 def plan_city(n_points: int, points_of_tile: int = POINTS_OF_TILE) -> City:
-    """Return a city of about so many points."""
+    """Return a city of about `n_points` points."""
     if not POINTS_OF_BLOCK <= n_points <= LARGEST:
         raise UsageError(f"--n-points {n_points}: a city has {POINTS_OF_BLOCK:,} (a block) to {LARGEST:,}.")
     blocks = n_points / POINTS_OF_BLOCK

@@ -244,7 +244,7 @@ def add_archway(
 
 
 def _add_pier(builder: SceneBuilder, foot: Floats, line: Line, side: float) -> None:
-    """Add a pier that stands out of the front beside the opening."""
+    """Add a pier that projects from the front beside the opening."""
     reach = -0.45 * line.inward
     outer = foot + side * 0.7 * line.along
     for a, b in ((foot, foot + reach), (outer, outer + reach), (foot + reach, outer + reach)):

@@ -15,7 +15,7 @@ from mapq.tiled.store import Store
 from mapq.tiled.tiling import Tiling
 
 FAIR_SHARE = 0.5
-"""Of the points of the smaller region that both tiles see: so many must be of the other region for the two to meet."""
+"""Of the points of the smaller region that both tiles see: the share in the other region if the two meet."""
 FEWEST_SHARED = 3
 """Points that two regions must share."""
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from mapq.axes import turn
 
 HALO_IN_GAPS, HALO_IN_SPACING = 8.0, 48.0
-"""Width of the halo: so many of the widest gap that a patch may bridge, and of the spacing of points."""
+"""Width of the halo, in widest gaps that a patch may bridge, and in spacings of points."""
 SMALLEST_CELL = 0.25
 """Metres: side of the cells of the ground plan in which points are counted at first."""
 MOST_CELLS = 1_000_000
@@ -44,7 +44,7 @@ class Counts(NamedTuple):
         return self._replace(cells=(turn(2 * self.cells + 1, quarter) - 1) // 2)
 
     def drawn(self, n_points: int) -> Ints:
-        """Return the keys (d,) of cells drawn at random, with about so many points in all."""
+        """Return the keys (d,) of cells drawn at random, with about this many points in all."""
         order = np.random.default_rng(0).permutation(len(self.cells))
         before = np.cumsum(self.counts[order]) - self.counts[order]
         return keys_of(self.cells[order[before < n_points]])

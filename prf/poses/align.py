@@ -25,7 +25,9 @@ ROUNDS = 24
 SETTLING = 8  # last rounds, all with the smallest squares; their mean is the result
 SMALLEST, LARGEST = 0.4, 1.5  # metres, sides of squares
 NARROW, WIDE = 0.1, 0.5  # metres, and share of the side: distance from a line at which a point counts a quarter
-BLUR = 0.3  # of that distance: how far points are off besides the noise, lest wrong lines pull more than what is given
+BLUR = (
+    0.3  # of that distance: how far points are off besides the noise, so that wrong lines pull less than what is given
+)
 SLOPE = 1.0 / 0.15**2  # one over the variance of the mean normal of a line, 1/rad2
 CLOSE = np.array([0.03, 0.03, 0.01])  # m, m, rad: root mean square of what a draw changes, at most
 STEP = np.array([0.3, 0.3, 0.1])  # m, m, rad: largest change of a pose in a round

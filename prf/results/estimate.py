@@ -22,9 +22,9 @@ MOST_COLOURS = 64_000_000
 """Points are answered in batches of at most this many colours (bytes), one a draw and point."""
 LEVEL = 0.95
 PIECES = 8
-"""Chains are cut into halves, fewer chains into so many pieces in all, whose means are compared."""
+"""Chains are cut into halves, a few chains into this many pieces in all, whose means are compared."""
 DRAWS_PER_DEGREE = 20.0
-"""A long run has a degree of freedom for so many effective draws, if that is more than the pieces give."""
+"""Effective draws for each degree of freedom of a long run, if that is more than the pieces give."""
 FEWEST_OF_A_COLOUR = 3.0
 """Effective draws of a colour below which that colour may as well have no probability at all."""
 MOST_VALUES = 1_000_000

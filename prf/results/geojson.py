@@ -90,7 +90,7 @@ class OccupiedArea(NamedTuple):
     window: Window | None
 
 
-@np.errstate(all="ignore")  # GEOS divides by nothing and overflows on its way, of which numpy warns
+@np.errstate(all="ignore")  # GEOS divides by zero and overflows internally, of which numpy warns
 def read_occupied_area(path: str | os.PathLike[str]) -> OccupiedArea:
     """Read every Polygon and MultiPolygon of a GeoJSON file: a geometry, a Feature or a FeatureCollection.
 

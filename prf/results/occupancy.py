@@ -1,6 +1,6 @@
 """An occupancy grid, the baseline: built from readings, asked for points, squares and paths, and kept in a file.
 
-Cells know nothing of one another (paper, section 1.2): every one is updated on its own by every reading, by inverse
+Cells are independent of one another (paper, section 1.2): every one is updated on its own by every reading, by inverse
 sensor models. Laser beams: the cell in which a beam ends is hit, those before it are missed. Sonar cones: cells within
 half the thickness of the range are hit, nearer ones in the cone are missed (Thrun, Burgard & Fox 2005, table 9.2).
 Answers take cells as independent (docs/scores.md).

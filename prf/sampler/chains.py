@@ -32,7 +32,7 @@ logger = logging.getLogger(__name__)
 FIRST_LOOK = 640_000
 """Steps before it is first looked whether chains disagree and are to be tempered; a multiple of every block length."""
 PROBE_BLOCKS = 4
-"""Along each axis the window is divided into so many blocks, and the colour of a probe or two is followed in each."""
+"""Blocks along each axis of the window; the colour of one or two probe points is followed in each."""
 
 
 class Sample(NamedTuple):

@@ -1,6 +1,6 @@
 """Uncertain poses of a chain: turns in which they move, between those in which the map does (docs/poses.md).
 
-Given the poses, the map is sampled as ever. Given the map, poses move, and at times the map with them; then the lists
+Given the poses, the map is sampled as usual. Given the map, poses move, and at times the map with them; then the lists
 of beams, cones and sensors are laid out anew.
 """
 
@@ -67,7 +67,7 @@ class PoseTurns:
         return float(self.state.sums[LOG_POSE_PRIOR])
 
     def run_to(self, chain: Chain, rng: np.random.Generator, step: int) -> Chain:
-        """Run a chain up to `step`: so many steps of the map, so many of poses, over and over."""
+        """Run a chain up to `step`, alternating between steps of the map and of poses."""
         cycle = self.map_steps + self.pose_steps
         while chain.graph.counts[c.STEP] < step:
             now = int(chain.graph.counts[c.STEP])

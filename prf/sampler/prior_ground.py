@@ -39,7 +39,7 @@ MOST_PROPOSALS = 1.0
 """Proposals there for each step of the chain: so many for each edge that the prior has there in the mean, and at most.
 Such a one takes a quarter of the time of a step, or less."""
 TILED_FACTOR = 4.0
-"""So many times as many under tiles, whose steps take longer."""
+"""Factor on their number under tiles, whose steps take longer."""
 FIRST_PER_EDGE = 1000
 MOST_FIRST = 3_000_000
 """Proposals before the first step, likewise: some eight times as many as it takes to forget a colour."""
@@ -74,7 +74,7 @@ class PriorGround:
         return int(min(MOST_FIRST, FIRST_PER_EDGE * self.n_edges))
 
     def refresh(self, chain: Chain, rng: np.random.Generator, proposals: int) -> Chain:
-        """Make so many proposals on this ground, which count as no steps; :meth:`settle` the chain before any."""
+        """Make this many proposals on this ground, not counted as steps; :meth:`settle` the chain first."""
         bare, counts = self._bare, chain.graph.counts
         step = int(counts[c.STEP])
         settle_image(chain)
@@ -115,7 +115,7 @@ class PriorGround:
 def prior_ground(settings: Settings, chain: Chain) -> PriorGround | None:
     """Return the ground of a chain that no reading concerns; None if there is hardly any.
 
-    Values at points concern the colour of all ground between them, so that with them there is none.
+    Values at points concern the colour of all ground between them, so that with them there is no such ground.
     """
     if settings.points is not None or (settings.laser is None and settings.sonar is None):
         return None

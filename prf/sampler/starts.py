@@ -1,6 +1,6 @@
 """Where chains start: the empty map, the contour of an occupancy grid, or where a draw of the prior leads.
 
-Chains that start alike may agree for want of time to part. Contours differ from chain to chain in the readings that
+Chains that start alike may agree for lack of time to separate. Contours differ from chain to chain in the readings that
 they use, draws of the prior in everything. No step on the way to a start is a step of the chain.
 """
 

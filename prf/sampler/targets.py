@@ -1,8 +1,8 @@
 """Where steps are aimed: at returns that maps explain at some times and not at others.
 
-How often each return was left unexplained is counted, look by look. The probabilities of the targets follow when the
+How often each return was left unexplained is counted. The probabilities of the targets follow when the
 number of blocks is a power of two, in all chains alike: in between no proposal depends on the map in a way that its
-density does not know. Adaptation that becomes rarer and rarer leaves the limit of all averages what it is (Chimisov,
+density does not know. Adaptation that becomes rarer and rarer keeps the limit of all averages (Chimisov,
 Latuszynski, Roberts 2018, Air Markov chain Monte Carlo).
 
 Every second turn of a chain is spent in a region round a target, drawn without a look at the map. The moves are
@@ -103,7 +103,7 @@ def unexplained(chain: Chain) -> NDArray[np.bool_]:
 TURN = 2000
 """Steps in one region, or between two on the whole window."""
 TURNS = 2
-"""So many turns make a cycle: one on the whole window, the others in a region each."""
+"""Turns in a cycle: one on the whole window, the others in a region each."""
 MARGIN = 4
 """Squares of targets by which a region reaches beyond those near its middle."""
 LEFT_OUT = (*BORDER_MOVES, c.CUT_WALL, c.MEND_WALL)

@@ -49,7 +49,7 @@ def refuse_far(region: BaseGeometry) -> None:
         raise InputError(f"a coordinate is not finite, or lies beyond {LARGEST_COORDINATE:g} m")
 
 
-@np.errstate(all="ignore")  # GEOS divides by nothing and overflows on its way, of which numpy warns
+@np.errstate(all="ignore")  # GEOS divides by zero and overflows internally, of which numpy warns
 def from_polygons(occupied: BaseGeometry, window: Window) -> Coloring:
     """Return the coloring of `window` that is black on `occupied`.
 

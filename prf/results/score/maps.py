@@ -63,7 +63,7 @@ class PolygonalMaps(ABC):
         """
 
     def singles(self, most: int) -> Sequence[ScoredMap]:
-        """Return the maps of equal weight one by one, at most so many of them, spread evenly."""
+        """Return the maps of equal weight one by one, at most this many of them, spread evenly."""
         return [self]
 
     def best_alone(self) -> ScoredMap | None:

@@ -216,7 +216,7 @@ class _Samples:
         self.errors = np.concatenate([self.errors, fresh])
 
     def integrals(self) -> Integrals:
-        """Return what the samples say."""
+        """Return the estimate from the samples."""
         log_weight = self.log_target - self.log_mixture
         total = logsumexp(log_weight, axis=0)
         weight = np.exp(log_weight - total)

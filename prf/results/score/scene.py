@@ -123,6 +123,6 @@ def first_edges(rays: Floats, segments: Floats, window: Window) -> Floats:
 
 
 def index_grid(window: Window, n_edges: int) -> Grid:
-    """Return the cells of an index of so many edges."""
+    """Return the cells of an index of this many edges."""
     n_cells = min(max(CELLS_PER_EDGE * n_edges, MIN_CELLS), MAX_CELLS)
     return make_grid(*window, math.sqrt(window.area / n_cells))

@@ -220,7 +220,7 @@ WALL_DEPTH = 0.2
 """Metres from a free cell in view up to which occupied cells count: no reading shows what lies deeper in a wall."""
 SPACING = 0.05  # metres between places along a ray, and between rays of a cone at its maximum range: half a cell
 MAX_CELLS = 25_000_000
-MAX_PLACES = 4_000_000  # rays are followed in batches of about so many places
+MAX_PLACES = 4_000_000  # places in a batch of rays, about
 
 
 def true_cells(truth: OccupiedArea, beams: HeldOut | None, cones: HeldOutSonar | None) -> LabelledPoints:

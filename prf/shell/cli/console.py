@@ -20,7 +20,7 @@ from typing import IO
 logger = logging.getLogger(__name__)
 
 LOGGERS = ("prf", "mapq")
-"""Only our own packages' messages are shown; a library's chatter is none of the user's business."""
+"""Only our own packages' messages are shown; a library's messages do not concern the user."""
 
 
 class ColorChoice(StrEnum):
@@ -33,7 +33,7 @@ class ColorChoice(StrEnum):
 
 @dataclass
 class Settings:
-    """How much to say and how, as the flags of this command have it."""
+    """How much to show and how, by the flags of this command."""
 
     verbosity: int = 0  # -1 errors only (-q), 0 notes and warnings, 1 details (-v), 2 also tracebacks (-vv)
     color: ColorChoice = ColorChoice.auto

@@ -72,7 +72,7 @@ atexit.register(release_claims)
 
 @contextmanager
 def exclusive(*paths: str | os.PathLike[str]) -> Iterator[None]:
-    """Hold outputs (files or folders, existing or not) for this process; nobody holds a stream or a device.
+    """Hold outputs (files or folders, existing or not) for this process; a stream or a device is not held.
 
     The lock file ``.<name>.lock`` is beside the output. The kernel drops the lock with the process, so a killed run
     never leaves an output locked; what one left half written is removed. OutputError if another process holds one.
@@ -157,7 +157,7 @@ def refuse_json_on_stream(path: str | os.PathLike[str] | None, json: bool) -> No
 
 
 def refuse_inputs(outputs: Iterable[str], inputs: Iterable[str | None]) -> None:
-    """Raise UsageError for an output file that is an input: a slip would cost a log, or labels set by hand.
+    """Raise UsageError for an output file that is an input: a mistake would cost a log, or labels set by hand.
 
     Inputs that are None, streams, folders or missing are passed over.
     """

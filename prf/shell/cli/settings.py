@@ -363,7 +363,7 @@ def _of_table(table: str, words: str, sources: Mapping[str, str]) -> str:
 
 
 def _instead(name: str, known: Iterable[str]) -> str:
-    """Return what may have been meant by a name that is none of `known`."""
+    """Return what may have been meant by a name that is not in `known`."""
     names = list(known)
     close = difflib.get_close_matches(name.replace("-", "_").lower(), names, n=1)
     close = close or difflib.get_close_matches(name.lower(), names, n=1)

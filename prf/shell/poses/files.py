@@ -23,7 +23,7 @@ Floats = NDArray[np.float64]
 Order = Literal["xyzw", "wxyz"]
 
 FARTHEST = 1e9
-"""Metres, as far as a coordinate may be; a larger number is none."""
+"""Metres: a larger number is not a coordinate."""
 ROTATION_TOLERANCE = 1e-2
 """Largest error of a rotation matrix or of the length of a quaternion: rounded numbers pass, other numbers do not."""
 UPRIGHT = 0.9
