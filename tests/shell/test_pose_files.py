@@ -105,7 +105,7 @@ def test_rounded_rotations_become_exact(tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "poses.txt: no poses. Read are rows of 12"),
+        ("", "poses.txt: no poses. Rows may be 12"),
         ("# nothing\n\n", "poses.txt: no poses"),
         ("1 2 3\n", "poses.txt:1: 3 columns, expected a pose"),
         (
