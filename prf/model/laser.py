@@ -25,7 +25,7 @@ LEVEL_GROWTH = 4  # how many times as many beams there are with a further level 
 ORDER = 19530921  # seed of the order in which beams are dealt to levels
 
 BELOW_ONE_BIT = 2.0**-54  # what is added to a number and is smaller than this share of it leaves no trace
-HAIR = 1e-6  # share by which an influence is enlarged: rounding must not let an obstacle slip through
+INFLUENCE_MARGIN = 1e-6  # share by which an influence is enlarged: rounding must not let an obstacle slip through
 MARGIN = 1e-3  # metres by which the ends of an aim are moved outwards: more than slots are rounded by
 
 
@@ -119,8 +119,8 @@ def best_log_likelihood(model: LaserModel, readings: Floats) -> Floats:
     peak = np.where(near, 2.0, 1.0) * math.exp(model.noise_relative**2) / (spread * math.sqrt(2.0 * math.pi))
     hit = np.log(model.hit_probability * peak + model.outlier_probability / model.limit)
     censored_at = np.where(readings < 0.0, -readings, model.limit)
-    strays = model.outlier_probability * (1.0 - censored_at / model.limit)
-    missed = np.log(model.miss_probability + model.hit_probability + strays)
+    outliers = model.outlier_probability * (1.0 - censored_at / model.limit)
+    missed = np.log(model.miss_probability + model.hit_probability + outliers)
     return np.asarray(np.where(has_return, hit, missed) + 1e-9)
 
 
@@ -134,7 +134,7 @@ def beam_influence(model: LaserModel, readings: Floats) -> Floats:
     sigmas = model.deviation_where_hits_are(BELOW_ONE_BIT)
     share = 1.0 - sigmas * model.noise_relative
     far = np.maximum(returned + sigmas * model.noise, returned / share if share > 0.0 else np.inf)
-    return np.asarray((1.0 + HAIR) * far, np.float64)
+    return np.asarray((1.0 + INFLUENCE_MARGIN) * far, np.float64)
 
 
 def aims_of(model: LaserModel, readings: Floats) -> tuple[Floats, Floats]:

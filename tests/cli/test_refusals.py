@@ -17,7 +17,7 @@ LOWEST = "sampler.lowest_inverse_temperature"
 PERTURB = "mapq perturb scans -o out.ply"
 SETTINGS = (
     ("--config absent.toml", 3, "absent.toml: no such file"),
-    ("--config bad.toml", 2, "bad.toml: [sonar] nose: there is no such key. Did you mean noise?"),
+    ("--config bad.toml", 2, "bad.toml: [sonar] nose: unknown key. Did you mean noise?"),
     ("--config - --laser -", 2, "standard input can be read once only"),
     ("--topic /scan", 2, "--topic /scan"),
     ("--set readings.sonar_topic=/scan", 2, "is a table"),
@@ -78,9 +78,9 @@ CASES = (
     (f"{CLASSIFY} -o out.ply --max-tilt 10", 2, "segmented already"),
     (f"{CLASSIFY} -o out.ply --unit ft", 2, "holds its unit"),
     (f"{CLASSIFY} -o out.ply --topic t", 2, "leave the topic out"),
-    (f"{CLASSIFY} -o no/such/folder/out.ply", 4, "there is no folder"),
-    (f"{CLASSIFY} -o out.ply --fail-over 5", 2, "Give one such as 0.05 or 5%"),
-    (f"{CLASSIFY} -o out.ply --fail-over nan", 2, "Give one such as 0.05 or 5%"),
+    (f"{CLASSIFY} -o no/such/folder/out.ply", 4, "does not exist). Make it first"),
+    (f"{CLASSIFY} -o out.ply --fail-over 5", 2, "must be a share between 0 and 1 such as 0.05 or 5%"),
+    (f"{CLASSIFY} -o out.ply --fail-over nan", 2, "must be a share between 0 and 1 such as 0.05 or 5%"),
     (f"{CLASSIFY} -o out.copc.laz", 2, "COPC is not written"),
     ("mapq compare walls.patches walls.patches --model model.json --cell 0", 2, "no length"),
     ("mapq evaluate cloud.ply", 3, "neither PATCHES nor a result"),
@@ -129,7 +129,7 @@ CASES = (
         "--set sampler.tiles: tempered chains have no tiles",
     ),
     (f"{SAMPLE} --set sampler.temperatures=0", 2, "--set sampler.temperatures = 0"),
-    (f"{SAMPLE} --set sampler.temperature=3", 2, "there is no such key. Did you mean temperatures?"),
+    (f"{SAMPLE} --set sampler.temperature=3", 2, "unknown key. Did you mean temperatures?"),
     *(
         (f"prf {verb} {LASER} -o out --set thinning.beam_density={density}", 2, "beam_density")
         for verb in ("sample", "anneal")

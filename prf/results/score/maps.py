@@ -247,8 +247,8 @@ class GridMap:
         first_hit = np.empty(len(cones.pose))
         occupancy, model = self.grid.occupancy.astype(np.float64), cones.model
         # A cell returns the pulse as surely as a wall at no distance, face on.
-        stray = 1.0 / (1.0 + math.exp(model.surface_bias))
-        grid_cones(self.grid.cells, occupancy, sonar_array(model), stray, BIN, cones.pose, first_hit)
+        outlier = 1.0 / (1.0 + math.exp(model.surface_bias))
+        grid_cones(self.grid.cells, occupancy, sonar_array(model), outlier, BIN, cones.pose, first_hit)
         return {"contours": contours[""], "first_hit": first_hit}, share_occupied
 
     def occupied(self, xy: Floats, square: float) -> Floats:
