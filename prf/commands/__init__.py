@@ -12,16 +12,27 @@ ones), and the module's ``EXAMPLES``, a tuple of command lines that run, ends it
 
     import typer
 
+    from prf.configuration import Configuration
+    from prf.shell.cli.flags import with_settings
     from prf.shell.cli.options import Json
+    from prf.shell.cli.settings import Loaded
 
     EXAMPLES = ("prf info data/demo-office.log.gz", "prf info --json intel.log.gz")
 
 
-    def info(log: Annotated[str, typer.Argument(metavar="LOG", help="...")], json: Json = False) -> None:
+    @with_settings(Configuration, "readings")
+    def info(
+        log: Annotated[str, typer.Argument(metavar="LOG", help="...")],
+        *,
+        settings: Loaded[Configuration],
+        json: Json = False,
+    ) -> None:
         """Say what is in a log."""
         from prf.readings import describe
 
-The top of the module imports only the standard library, typer and `prf.shell`: numpy, numba, scipy and matplotlib
-are imported inside the function, so that ``--help`` answers at once. `-v`, `-q`, `--color` and `--no-progress` are
-added to every verb (:mod:`prf.shell.cli.app`). The verb is then entered in the table of :mod:`prf.cli`.
+`with_settings` names the tables and keys that the verb reads: it adds their flags, and hands over what they were set to.
+The top of the module imports only the standard library, typer, `prf.shell` and the configuration: numpy, numba, scipy
+and matplotlib are imported inside the function, so that ``--help`` answers at once. `-v`, `-q`, `--color` and
+`--no-progress` are added to every verb (:mod:`prf.shell.cli.app`). The verb is then entered in the table of
+:mod:`prf.cli`.
 '''
