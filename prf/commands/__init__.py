@@ -30,7 +30,7 @@ ones), and the module's ``EXAMPLES``, a tuple of command lines that run, ends it
         """Say what is in a log."""
         from prf.readings import describe
 
-`with_settings` names the tables and keys that the verb reads: it adds their flags, and hands over what they were set to.
+`with_settings` names the tables and keys that the verb reads: it adds their flags and hands over their values.
 The top of the module imports only the standard library, typer, `prf.shell` and the configuration: numpy, numba, scipy
 and matplotlib are imported inside the function, so that ``--help`` answers at once. `-v`, `-q`, `--color` and
 `--no-progress` are added to every verb (:mod:`prf.shell.cli.app`). The verb is then entered in the table of
