@@ -55,6 +55,16 @@ def call(line: str, folder: Path, *more: str, stdin: bytes = b"") -> Outcome:
     return Outcome(code, out.buffer.getvalue().decode(errors="replace"), err.getvalue())
 
 
+def prf(*words: object) -> int:
+    """Call `prf` in the present folder and return its exit code; what it prints is left to pytest."""
+    return run_app(importlib.import_module("prf.cli").app, "prf", [*map(str, words)])
+
+
+def mapq(*words: object) -> int:
+    """Call `mapq` likewise."""
+    return run_app(importlib.import_module("mapq.cli").app, "mapq", [*map(str, words)])
+
+
 class Verb(NamedTuple):
     """A call of a verb in the folder of samples.
 

@@ -8,9 +8,8 @@ from pathlib import Path
 import pytest
 import shapely
 
-from prf.cli import app
 from prf.results.geojson import read_map_feature
-from prf.shell.cli.run import run_app
+from tests.cli.calls import prf
 
 
 @pytest.fixture(scope="module")
@@ -18,7 +17,7 @@ def made(tmp_path_factory: pytest.TempPathFactory, data_dir: Path) -> Path:
     target = tmp_path_factory.mktemp("anneal") / "office.geojson"
     arguments = ["--every-scan", "5", "--every-beam", "6", "--chains", "1", "--steps", "40000", "--seed", "1"]
     log = str(data_dir / "demo-office.log.gz")
-    assert run_app(app, "prf", ["anneal", "--laser", log, *arguments, "-o", str(target), "-q"]) == 0
+    assert prf("anneal", "--laser", log, *arguments, "-o", str(target), "-q") == 0
     return target
 
 
@@ -37,16 +36,16 @@ def test_it_can_be_scored_and_exported(
     made: Path, data_dir: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     log = str(data_dir / "demo-office.log.gz")
-    assert run_app(app, "prf", ["score", str(made), "--laser", log, "--every-scan", "5", "--seed", "1", "--json"]) == 0
+    assert prf("score", str(made), "--laser", log, "--every-scan", "5", "--seed", "1", "--json") == 0
     assert json.loads(capsys.readouterr().out)["n_beams"] > 100
-    assert run_app(app, "prf", ["export", str(made), "--format", "svg", "-o", str(tmp_path / "a.svg"), "-q"]) == 0
+    assert prf("export", str(made), "--format", "svg", "-o", str(tmp_path / "a.svg"), "-q") == 0
 
 
 def test_json_has_sizes(data_dir: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     target = tmp_path / "a.geojson"
     arguments = ["--every-scan", "10", "--every-beam", "12", "--chains", "2", "--steps", "20000", "--seed", "1"]
     log = str(data_dir / "demo-office.log.gz")
-    assert run_app(app, "prf", ["anneal", "--laser", log, *arguments, "-o", str(target), "--json", "-q"]) == 0
+    assert prf("anneal", "--laser", log, *arguments, "-o", str(target), "--json", "-q") == 0
     result = json.loads(capsys.readouterr().out)
     assert result["geojson_bytes"] == target.stat().st_size
     assert result["packed_bytes"] == 4 * result["n_vertices"]

@@ -10,14 +10,9 @@ import numpy as np
 import pytest
 import shapely
 
-from prf.cli import app
 from prf.readings import write_table
-from prf.shell.cli.run import run_app
+from tests.cli.calls import prf
 from tests.reference.known_worlds import HALL, laser_log, sonar_log
-
-
-def run(*args: object) -> int:
-    return run_app(app, "prf", [*map(str, args)])
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +43,7 @@ def test_a_sonar_and_a_laser(folder: Path, tmp_path: Path, capsys: pytest.Captur
         "laser.max_range=8.0",
     ]
     args += ["--map", folder / "floor.geojson", "-o", tmp_path / "robot.toml"]
-    assert run(*args, "--json") == 0
+    assert prf(*args, "--json") == 0
     found = json.loads(capsys.readouterr().out)
     assert found["schema"] == "prf.calibrate/2"
     assert found["sonar"]["n_readings"] == 400
@@ -57,9 +52,9 @@ def test_a_sonar_and_a_laser(folder: Path, tmp_path: Path, capsys: pytest.Captur
     assert [*tables] == ["sonar", "laser"]
     values = {row["name"]: row["value"] for row in found["sonar"]["parameters"]}
     assert tables["sonar"]["surface_oblique"] == pytest.approx(values["surface_oblique"], rel=1e-4)
-    assert run(*args) == 4
+    assert prf(*args) == 4
     assert "already exists" in capsys.readouterr().err
-    assert run(*args, "-f") == 0
+    assert prf(*args, "-f") == 0
     shown = capsys.readouterr().out
     assert "surface_oblique" in shown
     assert "outlier_probability" in shown
@@ -70,11 +65,11 @@ def test_the_file_is_for_the_verbs_that_weigh_readings(
 ) -> None:
     """Fitted on some scans, other scans are more probable in the true map than with the defaults."""
     floor, ring = folder / "floor.geojson", folder / "ring.csv"
-    assert run("calibrate", "--sonar", ring, "--map", floor, "--skip-scans", "0::3", "-o", tmp_path / "s.toml") == 0
+    assert prf("calibrate", "--sonar", ring, "--map", floor, "--skip-scans", "0::3", "-o", tmp_path / "s.toml") == 0
     capsys.readouterr()
     scores = []
     for options in ((), ("--config", tmp_path / "s.toml")):
-        assert run("score", floor, "--sonar", ring, "--scans", "0::3", "--json", *options) == 0
+        assert prf("score", floor, "--sonar", ring, "--scans", "0::3", "--json", *options) == 0
         scores.append(json.loads(capsys.readouterr().out)["sonar_nll"])
     assert scores[1] < scores[0] - 0.05
 
@@ -85,7 +80,7 @@ def test_wrong_poses_are_noticed(folder: Path, tmp_path: Path, capsys: pytest.Ca
     mixed.range[:] = np.random.default_rng(1).permutation(mixed.range)
     write_table(tmp_path / "mixed.csv", mixed)
     assert (
-        run(
+        prf(
             "calibrate",
             "--laser",
             tmp_path / "mixed.csv",

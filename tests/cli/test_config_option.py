@@ -7,16 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from prf.cli import app
 from prf.output.run import read_run
 from prf.results.occupancy import read_grid
-from prf.shell.cli.run import run_app
+from tests.cli.calls import prf
 
 QUICK = ("--chains", "1", "--steps", "100", "-q", "--seed", "1")
-
-
-def prf(*args: object) -> int:
-    return run_app(app, "prf", [*map(str, args)])
 
 
 @pytest.fixture

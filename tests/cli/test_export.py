@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 import shapely
 
-from prf.cli import app
 from prf.commands.export import Format
 from prf.model.coloring import occupied_polygons
 from prf.output.export import FORMATS
@@ -19,8 +18,8 @@ from prf.output.run import read_run
 from prf.poses.plane import wrapped
 from prf.results import read_map_feature, write_run
 from prf.results.occupancy import OccupancyGrid, write_grid
-from prf.shell.cli.run import run_app
 from prf.shell.poses.files import read_pose_file
+from tests.cli.calls import prf
 from tests.factories import make_run, make_trajectory
 
 
@@ -35,10 +34,6 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
     return tmp_path
-
-
-def call(*args: object) -> int:
-    return run_app(app, "prf", ["export", *map(str, args)])
 
 
 def files(folder: Path) -> set[str]:
@@ -62,16 +57,16 @@ def test_the_options_offer_what_the_library_writes() -> None:
 def test_default_names_come_from_the_source(
     folder: Path, here: Path, capsys: pytest.CaptureFixture, format: str, names: set[str]
 ) -> None:
-    assert call(folder, "--format", format, "--json") == 0
+    assert prf("export", folder, "--format", format, "--json") == 0
     answer = json.loads(capsys.readouterr().out)
     assert files(here) == names
     assert (answer["schema"], answer["format"]) == ("prf.export/1", format)
     assert {file["path"]: file["bytes"] for file in answer["files"]} == {
         name: (here / name).stat().st_size for name in names
     }
-    assert call(folder, "--format", format) == 4
+    assert prf("export", folder, "--format", format) == 4
     assert "already exists" in capsys.readouterr().err
-    assert call(folder, "--format", format, "--force") == 0
+    assert prf("export", folder, "--format", format, "--force") == 0
 
 
 @pytest.mark.parametrize(
@@ -87,12 +82,12 @@ def test_default_names_come_from_the_source(
     ],
 )
 def test_the_suffix_names_the_format(folder: Path, here: Path, output: str, names: set[str]) -> None:
-    assert call(folder, "-o", output) == 0
+    assert prf("export", folder, "-o", output) == 0
     assert files(here) == names
 
 
 def test_figures_for_a_person(folder: Path, here: Path, capsys: pytest.CaptureFixture) -> None:
-    assert call(folder, "-o", "a.geojson") == 0
+    assert prf("export", folder, "-o", "a.geojson") == 0
     shown = capsys.readouterr().out
     shape = shapely.geometry.shape(json.loads((here / "a.geojson").read_text())["geometry"])
     corners = sum(len(r.coords) - 1 for p in shape.geoms for r in (p.exterior, *p.interiors))
@@ -104,7 +99,7 @@ def test_figures_for_a_person(folder: Path, here: Path, capsys: pytest.CaptureFi
 def test_a_draw_instead_of_the_best_map(folder: Path, here: Path, capsys: pytest.CaptureFixture) -> None:
     run = read_run(folder)
     for number, draw in ((2, run.draws[2]), (-1, run.draws[7])):
-        assert call(folder, "-o", "draw.geojson", "--draw", number, "-f", "--json") == 0
+        assert prf("export", folder, "-o", "draw.geojson", "--draw", number, "-f", "--json") == 0
         read, properties = read_map_feature(here / "draw.geojson")
         assert sorted(read.edge_lengths()) == sorted(draw.edge_lengths())
         assert (properties["draw"], properties["chain"]) == (number % 8, run.chain[number])
@@ -116,44 +111,44 @@ def test_sampled_poses_are_a_trajectory_for_evo(folder: Path, here: Path, capsys
     assert run.laser is not None
     found = make_trajectory(run.laser, 8)
     write_run(here / "moved", dataclasses.replace(run, trajectory=found))
-    assert call("moved", "--format", "tum", "--json") == 0
+    assert prf("export", "moved", "--format", "tum", "--json") == 0
     answer = json.loads(capsys.readouterr().out)
     assert (answer["n_poses"], answer["files"][0]["path"]) == (5, "moved.tum")
     assert answer["rms_correction_m"] == pytest.approx(0.05, rel=0.1)
     read = read_pose_file("moved.tum")
     assert (read.layout, read.times.tolist()) == ("TUM", found.time.tolist())
     for draw, wanted in ((None, found.mean), (-1, found.given + found.draws[-1])):
-        assert call("moved", "-o", "way.tum", "-f", *(() if draw is None else ("--draw", draw))) == 0
+        assert prf("export", "moved", "-o", "way.tum", "-f", *(() if draw is None else ("--draw", draw))) == 0
         poses = read_pose_file("way.tum").poses
         np.testing.assert_allclose(poses[:, :2, 3], wanted[:, :2], atol=1e-12)
         np.testing.assert_allclose(wrapped(np.arctan2(poses[:, 1, 0], poses[:, 0, 0]) - wanted[:, 2]), 0.0, atol=1e-12)
     write_run(here / "moved", dataclasses.replace(run, trajectory=dataclasses.replace(found, time=np.full(5, np.nan))))
-    assert call("moved", "-o", "way.tum", "-f") == 0
+    assert prf("export", "moved", "-o", "way.tum", "-f") == 0
     assert read_pose_file("way.tum").times.tolist() == found.scan.tolist()
-    assert call("moved", "--format", "tum", "--draw", 8, "-f") == 2
-    assert call("moved", "--format", "tum", "--extrapolate", 1, "-f") == 2
+    assert prf("export", "moved", "--format", "tum", "--draw", 8, "-f") == 2
+    assert prf("export", "moved", "--format", "tum", "--extrapolate", 1, "-f") == 2
 
 
 def test_a_map_instead_of_a_run(folder: Path, here: Path, capsys: pytest.CaptureFixture) -> None:
-    assert call(folder / "map.geojson", "--format", "geojson") == 0
+    assert prf("export", folder / "map.geojson", "--format", "geojson") == 0
     assert read_map_feature(here / "map.geojson")[1] == read_map_feature(folder / "map.geojson")[1]
 
 
 def test_polygons_of_another_program(data_dir: Path, here: Path, capsys: pytest.CaptureFixture) -> None:
     plan = data_dir / "demo-office.geojson"
-    assert call(plan, "--format", "geojson", "-o", "plan.geojson") == 0
+    assert prf("export", plan, "--format", "geojson", "-o", "plan.geojson") == 0
     drawn = shapely.union_all(shapely.from_geojson(plan.read_text()))
     coloring, _ = read_map_feature(here / "plan.geojson")
     assert occupied_polygons(coloring).symmetric_difference(drawn).area == pytest.approx(0.0, abs=1e-9)
     assert coloring.window == pytest.approx(shapely.box(*drawn.bounds).buffer(1.0, join_style="mitre").bounds)
     for format in FORMATS[1:4]:
-        assert call(plan, "--format", format) == 0
+        assert prf("export", plan, "--format", format) == 0
 
 
 def test_a_grid_is_a_ros_map_only(here: Path, capsys: pytest.CaptureFixture) -> None:
     cells = np.zeros((3, 4), np.int32)
     write_grid("room.grid.npz", OccupancyGrid(np.full((3, 4), 0.5, np.float32), cells, cells, np.zeros(2), 0.1))
-    assert call("room.grid.npz", "--format", "ros-map", "--json") == 0
+    assert prf("export", "room.grid.npz", "--format", "ros-map", "--json") == 0
     answer = json.loads(capsys.readouterr().out)
     assert (answer["n_unknown"], [file["path"] for file in answer["files"]]) == (12, ["room.yaml", "room.pgm"])
 
@@ -163,7 +158,7 @@ def test_a_missing_library_is_named_with_its_extra(
     folder: Path, here: Path, capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch, format: str, module: str
 ) -> None:
     monkeypatch.setitem(sys.modules, module, None)
-    assert call(folder, "--format", format) == 2
+    assert prf("export", folder, "--format", format) == 2
     error = capsys.readouterr().err
     assert f"needs {module}" in error
     assert f"pip install '.[{format}]'; elsewhere: pip install '" in error

@@ -9,11 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from prf.cli import app
 from prf.results import write_run
 from prf.results.occupancy import OccupancyGrid, write_grid
-from prf.shell.cli.run import run_app
 from prf.shell.cli.storage import save_arrays
+from tests.cli.calls import prf
 from tests.factories import make_run
 
 
@@ -24,9 +23,9 @@ def folder(tmp_path: Path) -> Path:
 
 
 def test_a_sound_run(folder: Path, capsys: pytest.CaptureFixture) -> None:
-    assert run_app(app, "prf", ["inspect", str(folder)]) == 0
+    assert prf("inspect", str(folder)) == 0
     assert "more entries: prf inspect -v)" in capsys.readouterr().out
-    assert run_app(app, "prf", ["inspect", str(folder), "-v"]) == 0
+    assert prf("inspect", str(folder), "-v") == 0
     shown = capsys.readouterr().out
     assert "configuration.scale" in shown
     assert "12 draws of 4 chains" in shown
@@ -34,7 +33,7 @@ def test_a_sound_run(folder: Path, capsys: pytest.CaptureFixture) -> None:
 
 
 def test_json(folder: Path, capsys: pytest.CaptureFixture) -> None:
-    assert run_app(app, "prf", ["inspect", str(folder), "--json"]) == 0
+    assert prf("inspect", str(folder), "--json") == 0
     found = json.loads(capsys.readouterr().out)
     assert found["schema"] == "prf.inspect/1"
     assert found["manifest"]["status"] == "finished"
@@ -43,7 +42,7 @@ def test_json(folder: Path, capsys: pytest.CaptureFixture) -> None:
 
 def test_a_damaged_file_is_shown_and_fails(folder: Path, capsys: pytest.CaptureFixture) -> None:
     (folder / "posterior.npz").write_bytes(b"PK broken")
-    assert run_app(app, "prf", ["inspect", str(folder)]) == 3
+    assert prf("inspect", str(folder)) == 3
     shown = capsys.readouterr()
     assert "posterior.npz     damaged" in shown.out
     assert "damaged: posterior.npz" in shown.err
@@ -51,20 +50,20 @@ def test_a_damaged_file_is_shown_and_fails(folder: Path, capsys: pytest.CaptureF
 
 def test_an_unknown_version_is_refused(folder: Path, capsys: pytest.CaptureFixture) -> None:
     (folder / "manifest.json").write_text('{"schema": "prf.run/7"}')
-    assert run_app(app, "prf", ["inspect", str(folder)]) == 3
+    assert prf("inspect", str(folder)) == 3
     assert "version 7 of prf.results is not known" in capsys.readouterr().err
 
 
 def test_files_of_other_versions(folder: Path, capsys: pytest.CaptureFixture) -> None:
     """A checkpoint of another release takes nothing from what can be read; draws do."""
     save_arrays(folder / "checkpoint.npz", "prf.checkpoint/1", {})
-    assert run_app(app, "prf", ["inspect", str(folder)]) == 0
+    assert prf("inspect", str(folder)) == 0
     shown = capsys.readouterr()
     assert shown.err == ""
     assert "checkpoint.npz    other version" in shown.out
     assert "prf.checkpoint/1: this release reads the draws, but cannot resume from here" in shown.out
     save_arrays(folder / "draws.npz", "prf.draws/9", {})
-    assert run_app(app, "prf", ["inspect", str(folder), "--json"]) == 3
+    assert prf("inspect", str(folder), "--json") == 3
     shown = capsys.readouterr()
     assert shown.err.strip().endswith("other version: draws.npz.")
     files = {file["name"]: file for file in json.loads(shown.out)["files"]}
@@ -73,10 +72,10 @@ def test_files_of_other_versions(folder: Path, capsys: pytest.CaptureFixture) ->
 
 
 def inspected(path: Path, capsys: pytest.CaptureFixture) -> dict[str, Any]:
-    assert run_app(app, "prf", ["inspect", str(path), "--json"]) == 0
+    assert prf("inspect", str(path), "--json") == 0
     found: dict[str, Any] = json.loads(capsys.readouterr().out)
     assert [file["state"] for file in found["files"]] == ["ok"]
-    assert run_app(app, "prf", ["inspect", str(path)]) == 0
+    assert prf("inspect", str(path)) == 0
     assert path.name in capsys.readouterr().out
     return found
 
@@ -108,11 +107,11 @@ def test_maps(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture) -> No
 def test_draws(n: int, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     file = tmp_path / "draws.geojsonl"
     args = ["--scale", "1", "--window", "0", "0", "2", "1", "--draws", str(n), "--seed", "1", "-o", str(file)]
-    assert run_app(app, "prf", ["prior", *args, "-q"]) == 0
+    assert prf("prior", *args, "-q") == 0
     capsys.readouterr()
     found = inspected(file, capsys)
     assert (found["kind"], found["manifest"]["window"]) == ("draws", [0.0, 0.0, 2.0, 1.0])
     assert found["files"][0]["summary"].startswith(f"{n} draws, on average ")
     file.write_text(file.read_text() + "{}\n")
-    assert run_app(app, "prf", ["inspect", str(file)]) == 3
+    assert prf("inspect", str(file)) == 3
     assert f"draws.geojsonl:{n + 1}: " in capsys.readouterr().err

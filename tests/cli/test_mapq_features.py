@@ -6,10 +6,9 @@ import json
 
 import pytest
 
-from mapq.cli import app
 from mapq.features import FeatureSettings, patch_features
 from mapq.io import write_patches
-from prf.shell.cli.run import run_app
+from tests.cli.mapq_samples import call
 from tests.mapq.factories import make_patches, sample_patches, wall
 
 CORNER = [wall((-5, 0), (5, 0)), wall((-5, 0.3), (5, 0.3)), wall((5, 0), (5, 8))]
@@ -22,9 +21,7 @@ def path(tmp_path) -> str:
 
 
 def run(capsys, *args: str) -> tuple[int, str, str]:
-    code = run_app(app, "mapq", ["features", *args])
-    out, err = capsys.readouterr()
-    return code, out, err
+    return call(capsys, "features", *args)
 
 
 def test_json_holds_every_patch_and_pair(capsys, path):

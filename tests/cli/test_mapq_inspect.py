@@ -5,19 +5,15 @@ import json
 import numpy as np
 import pytest
 
-from mapq.cli import app
 from mapq.cloud import PointCloud
 from mapq.io import ReadOptions, write_patches, write_ply
 from mapq.io.describe import describe, median_spacing
-from prf.shell.cli.run import run_app
 from tests.cli.mapq_samples import call
 from tests.mapq.io.samples import patches, save
 
 
 def run(capsys, *args: str) -> tuple[int, str, str]:
-    code = run_app(app, "mapq", ["inspect", *args])
-    out, err = capsys.readouterr()
-    return code, out, err
+    return call(capsys, "inspect", *args)
 
 
 def rows_of(out: str) -> dict[str, str]:

@@ -8,19 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mapq.cli import app
 from mapq.cloud import PointCloud
 from mapq.io import read_cloud, write_ply
-from prf.shell.cli.run import run_app
+from tests.cli.calls import mapq
 from tests.mapq.factories import wall
 from tests.mapq.perturb.scenes import look, pose_at
 from tests.shell.test_pose_files import rows
 
 POSES = np.array([pose_at(4.0 + 3.0 * scan, -5.0, 10.0 * scan) for scan in range(4)])
-
-
-def run(*args: str) -> int:
-    return run_app(app, "mapq", ["perturb", *args])
 
 
 @pytest.fixture
@@ -42,7 +37,7 @@ def folder(tmp_path: Path) -> Path:
 def test_the_suffix_las_writes_las(folder: Path) -> None:
     ply, laz = folder.parent / "map.ply", folder.parent / "other.laz"
     for out in (ply, laz):
-        assert run(str(folder), "--offset", "0.6", "--seed", "1", "-o", str(out), "-q") == 0
+        assert mapq("perturb", str(folder), "--offset", "0.6", "--seed", "1", "-o", str(out), "-q") == 0
     assert laz.read_bytes().startswith(b"LASF")
     fields = read_cloud(str(ply)).fields
     np.testing.assert_array_equal(read_cloud(str(laz)).fields["suspicious"], fields["suspicious"])
@@ -51,7 +46,7 @@ def test_the_suffix_las_writes_las(folder: Path) -> None:
 def test_the_right_poses_show_what_is_displaced(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out, odometry = folder.parent / "map.ply", str(folder.parent / "odometry.txt")
     args = (str(folder), "--poses", odometry, "--reference", str(folder / "poses.txt"), "-o", str(out))
-    assert run(*args) == 0
+    assert mapq("perturb", *args) == 0
     cloud = read_cloud(str(out))
     assert (cloud.fields["suspicious"] == 1).mean() > 0.99
     np.testing.assert_allclose(np.nanmedian(cloud.fields["disagreement"]), 0.5, atol=0.01)
@@ -70,7 +65,7 @@ def test_the_right_poses_show_what_is_displaced(folder: Path, capsys: pytest.Cap
 def test_errors_of_a_seed_give_the_same_bytes(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     names = [folder.parent / f"{name}.ply" for name in "abc"]
     for name, seed in zip(names, "112", strict=True):
-        assert run(str(folder), "--offset", "0.6", "--yaw", "1", "--seed", seed, "-o", str(name)) == 0
+        assert mapq("perturb", str(folder), "--offset", "0.6", "--yaw", "1", "--seed", seed, "-o", str(name)) == 0
     contents = [name.read_bytes() for name in names]
     assert contents[0] == contents[1] != contents[2]
     assert "seed            2" in capsys.readouterr().out
@@ -79,14 +74,14 @@ def test_errors_of_a_seed_give_the_same_bytes(folder: Path, capsys: pytest.Captu
 def test_json_and_a_seed_that_was_drawn(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = folder.parent / "map.ply"
     args = (str(folder), "--drift", "0.8", "2", "--missed-loop", "0.5", "0", "-o", str(out), "--json")
-    assert run(*args) == 0
+    assert mapq("perturb", *args) == 0
     first = json.loads(capsys.readouterr().out)
     assert first == json.loads(out.with_suffix(".json").read_text())
     assert first["errors"] == {"offset": 0.0, "yaw": 0.0, "drift": [0.8, 2.0], "missed_loop": [0.5, 0.0]}
     assert (
         sum(first[f"n_{kind}"] for kind in ("suspicious", "plausible", "ambiguous", "not_known")) == first["n_points"]
     )
-    assert run(*args, "--seed", str(first["seed"]), "-f") == 0
+    assert mapq("perturb", *args, "--seed", str(first["seed"]), "-f") == 0
     assert json.loads(capsys.readouterr().out) == first
 
 
@@ -94,7 +89,7 @@ def test_sub_maps_without_right_poses_are_registered(folder: Path, capsys: pytes
     out = folder.parent / "map.ply"
     odometry = str(folder.parent / "odometry.txt")
     files = [str(folder / f"{scan}.ply") for scan in (0, 1, 2, 3)]
-    assert run(*files, "--poses", odometry, "--submaps", "--set", "scans.voxel=0.1", "-o", str(out)) == 0
+    assert mapq("perturb", *files, "--poses", odometry, "--submaps", "--set", "scans.voxel=0.1", "-o", str(out)) == 0
     fields = read_cloud(str(out)).fields
     assert set(fields) == {"scan", "suspicious", "disagreement"}
     assert (fields["suspicious"] == 1).mean() > 0.9

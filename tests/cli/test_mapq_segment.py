@@ -6,21 +6,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mapq.cli import app
 from mapq.cloud import PointCloud
 from mapq.features import patch_features
 from mapq.features.shape import SHAPE_NAMES
 from mapq.io import read_patches, write_ply
 from mapq.labelling.store import open_store
 from prf.shell.cli.outputs import release_claims
-from prf.shell.cli.run import run_app
+from tests.cli.mapq_samples import call
 from tests.reference.mapq_segment import cloud_of, ground, wall
 
 
 def run(capsys: pytest.CaptureFixture[str], *args: str) -> tuple[int, str, str]:
-    code = run_app(app, "mapq", ["segment", *args])
-    out, err = capsys.readouterr()
-    return code, out, err
+    return call(capsys, "segment", *args)
 
 
 @pytest.fixture

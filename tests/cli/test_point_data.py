@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 import shapely
 
-from prf.cli import app
 from prf.configuration import Configuration
 from prf.model.coloring import black_at, from_polygons
 from prf.model.window import Window
@@ -19,17 +18,13 @@ from prf.readings import Readings
 from prf.readings.table import write_table
 from prf.results.geojson import read_map_feature
 from prf.sampler.prepare import read_prepared
-from prf.shell.cli.run import run_app
+from tests.cli.calls import prf
 from tests.reference.beams import Sensor, draw_readings, impacts
 from tests.reference.slow_points import Flips, Normal, lattice
 
 ROOM = Window(0.0, 0.0, 10.0, 10.0)
 QUICK = ("--scale", "0.2", "--chains", "2", "--resolution", "0.5", "-q")
 N = 20
-
-
-def prf(*args: str) -> int:
-    return run_app(app, "prf", list(args))
 
 
 def write_points(file: Path, xy: np.ndarray, values: np.ndarray) -> str:

@@ -8,12 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from prf.cli import app
 from prf.model.coloring import Draws
 from prf.output.run import Run, read_run
 from prf.results import write_run
 from prf.results.estimate import occupied_probability
-from prf.shell.cli.run import run_app
+from tests.cli.calls import prf
 from tests.factories import WINDOW, make_run
 
 
@@ -22,10 +21,6 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("query") / "run"
     write_run(path, make_run(n_draws=48))
     return path
-
-
-def ask(*args: object) -> int:
-    return run_app(app, "prf", ["query", *map(str, args)])
 
 
 def rows(text: str) -> np.ndarray:
@@ -39,7 +34,7 @@ def test_points_in_input_order(folder: Path, tmp_path: Path, capsys: pytest.Capt
     xy = np.random.default_rng(1).uniform(-20.0, 40.0, (50, 2))
     (tmp_path / "points.csv").write_text("x,y\n" + "".join(f"{x!r},{y!r}\n" for x, y in xy.tolist()))
     extra = [] if square is None else ["--square", square]
-    assert ask(folder, "--points", tmp_path / "points.csv", *extra) == 0
+    assert prf("query", folder, "--points", tmp_path / "points.csv", *extra) == 0
     answered = rows(capsys.readouterr().out)
     np.testing.assert_array_equal(answered[:, :2], xy)
     np.testing.assert_array_equal(answered[:, 2], occupied_probability(read_run(folder).draws, xy, square or 0.0))
@@ -65,13 +60,13 @@ def test_points_in_input_order(folder: Path, tmp_path: Path, capsys: pytest.Capt
 )
 def test_forms_of_points(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture, text: str) -> None:
     (tmp_path / "points.csv").write_bytes(text.encode())
-    assert ask(folder, "--points", tmp_path / "points.csv") == 0
+    assert prf("query", folder, "--points", tmp_path / "points.csv") == 0
     np.testing.assert_array_equal(rows(capsys.readouterr().out)[:, :2], [[1.5, 2.0], [3.0, 4.0]])
 
 
 def test_json_has_null_for_the_outside(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     (tmp_path / "points.csv").write_text("x,y\n1,2\n999,0\n")
-    assert ask(folder, "--points", tmp_path / "points.csv", "--json") == 0
+    assert prf("query", folder, "--points", tmp_path / "points.csv", "--json") == 0
     answer = json.loads(capsys.readouterr().out)
     assert (answer["schema"], answer["n_draws"]) == ("prf.query.points/1", 48)
     unknown = dict.fromkeys(("p_occupied", "low", "high", "ess", "rhat"))
@@ -80,13 +75,13 @@ def test_json_has_null_for_the_outside(folder: Path, tmp_path: Path, capsys: pyt
 
 def test_path(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     (tmp_path / "path.csv").write_text("x,y\n1,2\n1.5,2.5\n")
-    assert ask(folder, "--path", tmp_path / "path.csv", "--radius", 0.1, "--json") == 0
+    assert prf("query", folder, "--path", tmp_path / "path.csv", "--radius", 0.1, "--json") == 0
     answer = json.loads(capsys.readouterr().out)
     expected = read_run(folder).paths([[1.0, 2.0], [1.5, 2.5]], 0.1, interval=True)
     bounds = {name: getattr(expected, name)[0] for name in ("low", "high", "ess", "rhat")}
     assert answer == {"schema": "prf.query.path/1", "p_free": expected.probability[0], **bounds, "n_draws": 48}
     assert 0.0 < answer["low"] < answer["p_free"] < answer["high"] < 1.0
-    assert ask(folder, "--path", tmp_path / "path.csv", "--radius", 0.1) == 0
+    assert prf("query", folder, "--path", tmp_path / "path.csv", "--radius", 0.1) == 0
     shown = dict(line.split() for line in capsys.readouterr().out.splitlines())
     assert list(shown) == list(answer)[1:]
     assert float(shown["p_free"]) == answer["p_free"]
@@ -95,17 +90,17 @@ def test_path(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture) -> No
 @pytest.mark.slow
 def test_few_effective_draws_are_warned_of(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     (tmp_path / "points.csv").write_text("1,2\n3,4\n")
-    assert ask(folder, "--points", tmp_path / "points.csv") == 0
+    assert prf("query", folder, "--points", tmp_path / "points.csv") == 0
     assert "2 of 2 points" in capsys.readouterr().err
     write_run(tmp_path / "long", make_run(n_draws=2000, resolution=5.0))
-    assert ask(tmp_path / "long", "--points", tmp_path / "points.csv") == 0
+    assert prf("query", tmp_path / "long", "--points", tmp_path / "points.csv") == 0
     assert capsys.readouterr().err == ""
 
 
 def test_few_draws_have_no_error_estimate(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     write_run(tmp_path / "run", make_run(n_draws=12))
     (tmp_path / "points.csv").write_text("1,2\n")
-    assert ask(tmp_path / "run", "--points", tmp_path / "points.csv") == 0
+    assert prf("query", tmp_path / "run", "--points", tmp_path / "points.csv") == 0
     shown = capsys.readouterr()
     assert rows(shown.out)[0, 3:5].tolist() == [0.0, 1.0]
     assert "fewer than 8 draws a chain" in shown.err
@@ -113,7 +108,7 @@ def test_few_draws_have_no_error_estimate(tmp_path: Path, capsys: pytest.Capture
 
 def test_a_path_that_leaves_the_window_is_reported(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     (tmp_path / "path.csv").write_text("x,y\n1,2\n999,2\n")
-    assert ask(folder, "--path", tmp_path / "path.csv", "--radius", 0.1, "--json") == 0
+    assert prf("query", folder, "--path", tmp_path / "path.csv", "--radius", 0.1, "--json") == 0
     shown = capsys.readouterr()
     assert json.loads(shown.out)["p_free"] is None
     assert "leaves the window" in shown.err
@@ -123,5 +118,5 @@ def test_a_run_without_draws(tmp_path: Path, capsys: pytest.CaptureFixture) -> N
     empty = Run({}, Draws.from_colorings([], WINDOW), np.empty(0, np.int32), np.empty(0, np.int64), {})
     write_run(tmp_path / "run", empty)
     (tmp_path / "points.csv").write_text("x,y\n1,2\n")
-    assert ask(tmp_path / "run", "--points", tmp_path / "points.csv") == 3
+    assert prf("query", tmp_path / "run", "--points", tmp_path / "points.csv") == 3
     assert "no draws yet" in capsys.readouterr().err

@@ -13,20 +13,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from prf.cli import app
 from prf.model.coloring import violations
 from prf.output.run import read_run
 from prf.sampler import chains
-from prf.shell.cli.run import run_app
+from tests.cli.calls import prf
 
 TEMPERATURES = ("--set", "sampler.temperatures=3")
 LOWEST = "sampler.lowest_inverse_temperature"
 QUICK = ("--every-scan", "8", "--every-beam", "6", "--chains", "2", "--resolution", "0.5")
 RESULTS = ("draws.npz", "posterior.npz", "readings.npz", "map.geojson")
-
-
-def run(*args: str) -> int:
-    return run_app(app, "prf", ["sample", *args])
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +35,7 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def office(log: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("runs") / "office"
-    assert run("--laser", str(log), *QUICK, "--steps", "60000", "--seed", "5", "-o", str(folder), "-q") == 0
+    assert prf("sample", "--laser", str(log), *QUICK, "--steps", "60000", "--seed", "5", "-o", str(folder), "-q") == 0
     return folder
 
 
@@ -67,14 +62,14 @@ def test_uncertain_poses_are_sampled_and_reported(
 ) -> None:
     folder = tmp_path / "moved"
     how = ("--pose-noise", "0.05", "0.01", "--steps", "20000", "--seed", "5", "-o", str(folder))
-    assert run("--laser", str(log), *QUICK, *how) == 0
+    assert prf("sample", "--laser", str(log), *QUICK, *how) == 0
     shown = capsys.readouterr()
     found = read_run(folder)
     assert found.trajectory is not None
     assert f"Trajectory: {found.trajectory.words()}; {folder}/trajectory.csv" in shown.out + shown.err
     assert found.trajectory.draws.shape == (len(found.draws), 4, 3)
     assert 0.0 < found.trajectory.figures()["mean_sd_m"] < 0.1
-    assert run("--resume", str(folder), "--steps", "20000", "--json", "-q") == 0
+    assert prf("sample", "--resume", str(folder), "--steps", "20000", "--json", "-q") == 0
     assert json.loads(capsys.readouterr().out)["trajectory"] == pytest.approx(found.trajectory.figures())
 
 
@@ -89,8 +84,8 @@ def test_functionals_are_those_of_the_draws(office: Path) -> None:
 def test_resuming_gives_what_an_uninterrupted_run_gives(log: Path, office: Path, tmp_path: Path) -> None:
     folder = tmp_path / "office"
     args = ("--laser", str(log), *QUICK, "--seed", "5", "-o", str(folder), "-q", "--threads", "1")
-    assert run(*args, "--steps", "20000") == 0
-    assert run("--resume", str(folder), "--steps", "60000", "-q") == 0
+    assert prf("sample", *args, "--steps", "20000") == 0
+    assert prf("sample", "--resume", str(folder), "--steps", "60000", "-q") == 0
     for name in RESULTS:
         assert (folder / name).read_bytes() == (office / name).read_bytes(), name
 
@@ -105,9 +100,9 @@ def test_resuming_with_uncertain_poses_gives_what_an_uninterrupted_run_gives(
 ) -> None:
     args = ("--laser", str(log), *QUICK, *options, "--seed", "5", "-q")
     whole, parts = tmp_path / "whole", tmp_path / "parts"
-    assert run(*args, "--steps", "40000", "-o", str(whole)) == 0
-    assert run(*args, "--steps", "20000", "-o", str(parts), "--threads", "1") == 0
-    assert run("--resume", str(parts), "--steps", "40000", "-q") == 0
+    assert prf("sample", *args, "--steps", "40000", "-o", str(whole)) == 0
+    assert prf("sample", *args, "--steps", "20000", "-o", str(parts), "--threads", "1") == 0
+    assert prf("sample", "--resume", str(parts), "--steps", "40000", "-q") == 0
     for name in (*RESULTS, "poses.npz", "trajectory.csv"):
         assert (parts / name).read_bytes() == (whole / name).read_bytes(), name
 
@@ -126,10 +121,10 @@ def test_resuming_tempered_chains_gives_what_an_uninterrupted_run_gives(
 ) -> None:
     args = ("--laser", str(log), *QUICK, *options, "--seed", "5")
     whole, parts = tmp_path / "whole", tmp_path / "parts"
-    assert run(*args, "--steps", "40000", "-o", str(whole), "-v") == 0
+    assert prf("sample", *args, "--steps", "40000", "-o", str(whole), "-v") == 0
     assert "Tempering: 3 temperatures" in capsys.readouterr().out
-    assert run(*args, "--steps", "20000", "-o", str(parts), "-q", "--threads", "1") == 0
-    assert run("--resume", str(parts), "--steps", "40000", "-q") == 0
+    assert prf("sample", *args, "--steps", "20000", "-o", str(parts), "-q", "--threads", "1") == 0
+    assert prf("sample", "--resume", str(parts), "--steps", "40000", "-q") == 0
     for name in RESULTS:
         assert (parts / name).read_bytes() == (whole / name).read_bytes(), name
     found = read_run(whole)
@@ -140,7 +135,7 @@ def test_resuming_tempered_chains_gives_what_an_uninterrupted_run_gives(
     assert len(first["powers"]) == 3
     assert len(first["swap_rates"]) == 2
     assert first != second
-    assert run("--resume", str(whole), "--set", "sampler.temperatures=4") == 2
+    assert prf("sample", "--resume", str(whole), "--set", "sampler.temperatures=4") == 2
     assert "--set sampler.temperatures 4" in capsys.readouterr().err
 
 
@@ -152,12 +147,12 @@ def test_chains_that_disagree_get_a_ladder_and_report_it(
     monkeypatch.setattr("prf.results.convergence.STALLED", 0.0)
     args = ("--laser", str(log), *QUICK, "--set", "sampler.temperatures=auto", "--seed", "5")
     whole, parts = tmp_path / "whole", tmp_path / "parts"
-    assert run(*args, "--steps", "40000", "-o", str(parts)) == 0
+    assert prf("sample", *args, "--steps", "40000", "-o", str(parts)) == 0
     assert "Tempering: none so far" in capsys.readouterr().out
     assert "tempered_from" not in read_run(parts).manifest
-    assert run("--resume", str(parts), "--set", "sampler.temperatures=auto", "--steps", "50000", "-q") == 0
-    assert run("--resume", str(parts), "--steps", "60000", "-q") == 0
-    assert run(*args, "--steps", "60000", "-o", str(whole), "-v") == 0
+    assert prf("sample", "--resume", str(parts), "--set", "sampler.temperatures=auto", "--steps", "50000", "-q") == 0
+    assert prf("sample", "--resume", str(parts), "--steps", "60000", "-q") == 0
+    assert prf("sample", *args, "--steps", "60000", "-o", str(whole), "-v") == 0
     printed = capsys.readouterr()
     assert "Tempering: 6 temperatures from step 40,000 on" in printed.out
     assert "the chains disagree: 6 temperatures each from step 40,000 on" in printed.err
@@ -168,7 +163,7 @@ def test_chains_that_disagree_get_a_ladder_and_report_it(
     assert found.manifest["configuration"]["temperatures"] == "auto"
     assert found.diagnostics is not None
     assert [chain["first_step"] for chain in found.diagnostics["tempering"]] == [40_000, 40_000]
-    assert run("--resume", str(whole), "--set", "sampler.temperatures=4") == 2
+    assert prf("sample", "--resume", str(whole), "--set", "sampler.temperatures=4") == 2
     assert "the run to resume has auto" in capsys.readouterr().err
 
 
@@ -177,7 +172,8 @@ def test_where_chains_start_is_kept_with_the_run(log: Path, tmp_path: Path, star
     args = ("--laser", str(log), "--every-scan", "30", "--every-beam", "30", "--chains", "1", "--resolution", "1")
     folder = tmp_path / "run"
     assert (
-        run(
+        prf(
+            "sample",
             *args,
             "--set",
             f"sampler.start={start}",
@@ -196,7 +192,7 @@ def test_where_chains_start_is_kept_with_the_run(log: Path, tmp_path: Path, star
 
 def test_nothing_is_left_to_do_for_a_run_that_has_its_steps(office: Path, capsys: pytest.CaptureFixture[str]) -> None:
     before = (office / "draws.npz").read_bytes()
-    assert run("--resume", str(office), "--steps", "1000", "--json") == 0
+    assert prf("sample", "--resume", str(office), "--steps", "1000", "--json") == 0
     assert json.loads(capsys.readouterr().out)["steps"] == 60_000
     assert (office / "draws.npz").read_bytes() == before
 
@@ -216,7 +212,7 @@ def test_resuming_with_something_else_is_refused(
     other = tmp_path / "other.csv"
     other.write_text("x,y,theta,range\n0,0,0,1\n")
     given = [str(other) if arg == "OTHER" else arg for arg in args]
-    assert run("--resume", str(office), *given) == code
+    assert prf("sample", "--resume", str(office), *given) == code
     error = capsys.readouterr().err.strip()
     assert words in error
     assert "\n" not in error
@@ -227,7 +223,7 @@ def test_few_draws_are_no_disagreement(
     log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], chains: int, steps: int
 ) -> None:
     args = ("--chains", str(chains), "--resolution", "0.5", "--steps", str(steps), "--seed", "5")
-    assert run("--laser", str(log), *args, "-o", str(tmp_path / "run")) == 0
+    assert prf("sample", "--laser", str(log), *args, "-o", str(tmp_path / "run")) == 0
     printed = capsys.readouterr().out
     judged = "The one chain is not settled yet" if steps > 2_000 else "Too few draws to judge"
     assert printed.splitlines()[1].startswith(judged)
@@ -243,7 +239,7 @@ def test_sensors_outside_the_window_are_dropped_and_counted(
 ) -> None:
     folder = tmp_path / "part"
     window = ("--window", "0", "0", "11", "14")
-    assert run("--laser", str(log), *QUICK, *window, "--steps", "100", "-o", str(folder)) == 0
+    assert prf("sample", "--laser", str(log), *QUICK, *window, "--steps", "100", "-o", str(folder)) == 0
     assert "readings dropped" in capsys.readouterr().err
     beams = read_run(folder).laser
     assert beams is not None
@@ -255,11 +251,11 @@ def test_a_table_without_returns_leaves_free_space(tmp_path: Path) -> None:
     table.write_text("x,y,theta,range\n" + "".join(f"0,0,{angle / 10},\n" for angle in range(63)))
     folder = tmp_path / "free"
     args = ("--max-range", "5", "--window", "-4", "-4", "4", "4", "--chains", "1", "--steps", "40000", "--seed", "1")
-    assert run("--laser", str(table), *args, "-o", str(folder), "-q") == 0
+    assert prf("sample", "--laser", str(table), *args, "-o", str(folder), "-q") == 0
     image = read_run(folder).image
     assert image is not None
     assert np.nanmean(image.occupancy[20:30, 20:30]) < 0.05
-    assert run("--laser", str(table), "-o", str(tmp_path / "none")) == 3
+    assert prf("sample", "--laser", str(table), "-o", str(tmp_path / "none")) == 3
 
 
 @pytest.mark.parametrize(
@@ -287,7 +283,7 @@ def test_a_signal_leaves_a_run_that_can_be_resumed(
     assert "prf sample --resume" in errors
     assert read_run(folder).manifest["status"] == "interrupted"
     steps = read_run(folder).manifest["steps"]
-    assert run("--resume", str(folder), "--steps", str(steps + 10_000), "-q") == 0
+    assert prf("sample", "--resume", str(folder), "--steps", str(steps + 10_000), "-q") == 0
 
 
 def test_a_damaged_checkpoint_is_named(office: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -296,10 +292,10 @@ def test_a_damaged_checkpoint_is_named(office: Path, tmp_path: Path, capsys: pyt
     for path in office.iterdir():
         (folder / path.name).write_bytes(path.read_bytes())
     (folder / "checkpoint.npz").write_bytes((office / "checkpoint.npz").read_bytes()[:5000])
-    assert run("--resume", str(folder), "--steps", "70000") == 3
+    assert prf("sample", "--resume", str(folder), "--steps", "70000") == 3
     assert "checkpoint.npz: damaged" in capsys.readouterr().err
     (folder / "checkpoint.npz").unlink()
-    assert run("--resume", str(folder), "--steps", "70000") == 3
+    assert prf("sample", "--resume", str(folder), "--steps", "70000") == 3
     assert "checkpoint.npz: no such file" in capsys.readouterr().err
 
 
@@ -307,9 +303,9 @@ def test_a_checkpoint_of_another_run_is_refused(
     log: Path, office: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     other = tmp_path / "other"
-    assert run("--laser", str(log), *QUICK, "--steps", "100", "--seed", "6", "-o", str(other), "-q") == 0
+    assert prf("sample", "--laser", str(log), *QUICK, "--steps", "100", "--seed", "6", "-o", str(other), "-q") == 0
     (other / "checkpoint.npz").write_bytes((office / "checkpoint.npz").read_bytes())
-    assert run("--resume", str(other), "--steps", "70000") == 3
+    assert prf("sample", "--resume", str(other), "--steps", "70000") == 3
     assert "other readings or configuration" in capsys.readouterr().err
 
 
@@ -318,7 +314,7 @@ def test_force_leaves_nothing_of_the_older_run(log: Path, office: Path, tmp_path
     folder.mkdir()
     for path in office.iterdir():
         (folder / path.name).write_bytes(path.read_bytes())
-    assert run("--laser", str(log), *QUICK, "--time-budget", "0", "-o", str(folder), "-f", "-q") == 0
+    assert prf("sample", "--laser", str(log), *QUICK, "--time-budget", "0", "-o", str(folder), "-f", "-q") == 0
     assert not (folder / "map.geojson").exists()
     assert len(read_run(folder).draws) == 0
 
@@ -328,7 +324,7 @@ def test_the_maximum_range_is_that_of_the_whole_log(tmp_path: Path) -> None:
     table.write_text("x,y,theta,range,scan\n0,0,0,2,0\n0,0,1,3,0\n0,0,2,40,1\n")
     folder = tmp_path / "far"
     args = ("--every-scan", "2", "--chains", "1", "--steps", "100", "-q")
-    assert run("--laser", str(table), *args, "-o", str(folder)) == 0
+    assert prf("sample", "--laser", str(table), *args, "-o", str(folder)) == 0
     found = read_run(folder).manifest
     assert found["configuration"]["max_range"] == pytest.approx(0.97 * 40.0)
     assert (found["n_beams"], found["n_outside"]) == (2, 0)

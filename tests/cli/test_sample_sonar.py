@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from prf.cli import app
 from prf.configuration import Configuration
 from prf.kernels import constants as c
 from prf.model.window import Window
@@ -16,7 +15,7 @@ from prf.output.run import read_run
 from prf.readings import Readings
 from prf.readings.table import write_table
 from prf.sampler.prepare import read_prepared
-from prf.shell.cli.run import run_app
+from tests.cli.calls import prf
 from tests.reference.beams import Sensor
 from tests.reference.slow_sonar import Ring
 from tests.reference.sonar_worlds import draw_data, ring_all_round
@@ -25,10 +24,6 @@ from tests.reference.worlds import draw_world
 ROOM = Window(0.0, 0.0, 10.0, 10.0)
 QUICK = ("--scale", "0.3", "--window", "0", "0", "10", "10", "--chains", "2", "--resolution", "0.5", "--max-range", "6")
 N_BEAMS, N_CONES = 60, 36
-
-
-def prf(*args: str) -> int:
-    return run_app(app, "prf", list(args))
 
 
 @pytest.fixture(scope="module")

@@ -8,9 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from prf.cli import app
 from prf.output.run import read_run
-from prf.shell.cli.run import run_app
+from tests.cli.calls import prf
 
 QUICK = ("--chains", "1", "--resolution", "0.5", "--seed", "3")
 ALL = 5580
@@ -18,10 +17,6 @@ ALL = 5580
 EXACT = ("--set", "thinning.beam_density=0")
 DENSITY = ("--set", "thinning.beam_density=4")
 """Of it that log has some fifteen."""
-
-
-def prf(*args: object) -> int:
-    return run_app(app, "prf", [str(arg) for arg in args])
 
 
 @pytest.fixture
