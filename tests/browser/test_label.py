@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from mapq.io import read_patches, write_patches
-from tests.cli.test_mapq_label import Running
+from tests.cli.test_mapq_train import Running
 from tests.mapq.labelled import draw_patches
 
 KEYS = {"p": 0, "s": 1, "u": 255}

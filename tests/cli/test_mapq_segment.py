@@ -1,19 +1,25 @@
 from __future__ import annotations
 
+import csv
+import io
 import json
 from pathlib import Path
 
+import laspy
 import numpy as np
 import pytest
 
 from mapq.cloud import PointCloud
-from mapq.features import patch_features
+from mapq.features import FeatureSettings, patch_features
 from mapq.features.shape import SHAPE_NAMES
-from mapq.io import read_patches, write_ply
+from mapq.io import read_cloud, read_patches, write_cloud, write_patches, write_ply
 from mapq.labelling.store import open_store
 from prf.shell.cli.outputs import release_claims
-from tests.cli.mapq_samples import call
-from tests.reference.mapq_segment import cloud_of, ground, wall
+from tests.cli.mapq_samples import call, call_json, save_model
+from tests.mapq.factories import make_patches, sample_patches, wall
+from tests.mapq.labelled import draw_patches
+from tests.reference.mapq_segment import cloud_of, ground
+from tests.reference.mapq_segment import wall as noisy_wall
 
 
 def run(capsys: pytest.CaptureFixture[str], *args: str) -> tuple[int, str, str]:
@@ -22,7 +28,7 @@ def run(capsys: pytest.CaptureFixture[str], *args: str) -> tuple[int, str, str]:
 
 @pytest.fixture
 def map_ply(tmp_path: Path) -> str:
-    cloud, truth = cloud_of(*(wall(np.random.default_rng(i), 6, 4, offset=0.3 * i) for i in range(2)))
+    cloud, truth = cloud_of(*(noisy_wall(np.random.default_rng(i), 6, 4, offset=0.3 * i) for i in range(2)))
     path = tmp_path / "map.ply"
     write_ply(str(path), cloud.with_fields(plane=truth.astype(np.int32)))
     return str(path)
@@ -97,3 +103,178 @@ def test_real_clouds(capsys, shared_data, tmp_path, name, columns, fewest):
     assert code == 0
     assert report["patches"] >= fewest
     assert report["warnings"] == []
+
+
+CORNER = [wall((-5, 0), (5, 0)), wall((-5, 0.3), (5, 0.3)), wall((5, 0), (5, 8))]
+
+
+@pytest.fixture
+def path(tmp_path) -> str:
+    write_patches(tmp_path / "map.patches", sample_patches(CORNER, density=10))
+    return str(tmp_path / "map.patches")
+
+
+def run_features(capsys, *args: str) -> tuple[int, str, str]:
+    return call(capsys, "features", *args)
+
+
+def test_json_holds_every_patch_and_pair(capsys, path):
+    code, out, err = run_features(capsys, path, "--json")
+    assert (code, err) == (0, "")
+    result = json.loads(out)
+    expected = patch_features(sample_patches(CORNER, density=10))
+    assert result["schema"] == "mapq.features/1"
+    assert (result["n_patches"], result["n_pairs"], result["n_clipped"]) == (3, 3, 0)
+    assert [row["fit"] for row in result["nodes"]] == expected.node[:, 0].tolist()
+    assert [row["plausibility"] for row in result["edges"]] == expected.plausibility.tolist()
+    assert [[row["i"], row["j"]] for row in result["edges"]] == expected.pairs.tolist()
+    for part in ("nodes", "edges"):
+        assert list(result["units"][part]) == list(result[part][0])
+    assert result["parameters"]["radius"] == 3.0
+
+
+def test_csv_has_a_block_for_each(capsys, path):
+    code, out, err = run_features(capsys, path, "--csv")
+    assert (code, err) == (0, "")
+    nodes, edges = (list(csv.DictReader(io.StringIO(block))) for block in out.split("\n\n"))
+    assert [row["patch"] for row in nodes] == ["0", "1", "2"]
+    assert [(row["i"], row["j"]) for row in edges] == [("0", "1"), ("0", "2"), ("1", "2")]
+    expected = patch_features(sample_patches(CORNER, density=10))
+    assert [float(row["plausibility"]) for row in edges] == expected.plausibility.tolist()
+    assert [int(row["n_points"]) for row in nodes] == expected.shape[:, 0].tolist()
+
+
+def test_table_for_a_person(capsys, path):
+    code, out, err = run_features(capsys, path)
+    assert (code, err) == (0, "")
+    rows = [line.split() for line in out.splitlines()]
+    assert len(rows) <= 16
+    assert ["patches", "3"] in rows
+    assert any(row[:1] == ["thickness_m"] and row[-1] == "m" for row in rows)
+    assert len(run_features(capsys, path, "-v")[1].splitlines()) > 20
+
+
+def test_flags_reach_the_features(capsys, path):
+    values = ("radius=2", "tau=0.5", "neighbours=1", "noise=0.05", "watched=2", "tolerance=0.3")
+    args = [word for value in values for word in ("--set", f"features.{value}")]
+    used = json.loads(run_features(capsys, path, "--json", *args)[1])["parameters"]
+    assert (used["n_watched"], used["tolerance"]) == (2, 0.3)
+    assert (used["radius"], used["tau"], used["n_neighbours"], used["noise"]) == (2.0, 0.5, 1, 0.05)
+
+
+def test_context_is_chosen_by_group(capsys, path):
+    for args, expected in (
+        ((), list(FeatureSettings().context)),
+        (("--set", "features.context=[]"), []),
+        (("--set", "features.context=['outlines', 'rays']"), ["outlines", "rays"]),
+    ):
+        found = json.loads(run_features(capsys, path, "--json", *args)[1])
+        assert found["parameters"]["context"] == expected
+        assert ("partly_covered" in found["edges"][0]) == ("outlines" in expected)
+        assert set(found["units"]["edges"]) == set(found["edges"][0])
+    code, _, err = run_features(capsys, path, "--set", "features.context=['colour']")
+    assert code == 2
+    assert "no context colour" in err
+
+
+def test_a_map_without_patches(capsys, tmp_path):
+    write_patches(tmp_path / "none.patches", make_patches([], [], loose=4))
+    path = str(tmp_path / "none.patches")
+    assert "patches         0" in run_features(capsys, path)[1]
+    assert json.loads(run_features(capsys, path, "--json")[1])["edges"] == []
+    assert len(run_features(capsys, path, "--csv")[1].splitlines()) == 3
+
+
+def test_the_literal_reading_reports_what_it_cut(capsys, path):
+    code, out, err = run_features(capsys, path, "--set", "features.reading=literal", "--json")
+    result = json.loads(out)
+    assert code == 0
+    assert result["n_clipped"] > 0
+    assert f"{result['n_clipped']} values" in err
+    assert "inverse_mse" in result["nodes"][0]
+
+
+# LAZ in, LAZ out, through every verb that meets a cloud.
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("las")
+
+
+@pytest.fixture(scope="module")
+def survey(folder) -> str:
+    """Walls on a survey grid, as LAZ with the simulated truth as an extra dimension."""
+    cloud = draw_patches(1).cloud
+    path = str(folder / "survey.laz")
+    far = type(cloud).from_world(cloud.world() + np.array([437_000.0, 5_428_000.0, 0.0]), cloud.fields)
+    write_cloud(path, far)
+    return path
+
+
+@pytest.fixture(scope="module")
+def model(folder) -> Path:
+    return save_model(folder)
+
+
+def test_laz_in_laz_out(capsys, folder, survey, model):
+    target = folder / "result.laz"
+    content = call_json(capsys, "classify", survey, "--model", model, "-o", target, "-f")
+    assert content["output"] == str(target)
+    assert json.loads((folder / "result.json").read_text())["counts"] == content["counts"]
+    old, new = laspy.read(survey), laspy.read(target)
+    for name in ("X", "Y", "Z", "truth"):
+        np.testing.assert_array_equal(new[name], old[name], strict=True)
+    assert {"patch", "suspicious", "p_suspicious"} <= set(new.point_format.extra_dimension_names)
+    assert new.red.max() > 255
+    found = call_json(capsys, "inspect", target)
+    assert (found["kind"], found["format"]) == ("result", "las")
+    assert found["patches"]["n_patches"] == content["counts"]["n_patches"]
+    place = np.array(content["patches"][0]["centroid"])
+    mine = new.patch == 0
+    np.testing.assert_allclose(place, new.xyz[mine].mean(axis=0), atol=1e-3)
+
+
+def test_by_way_of_patches_it_is_the_same(capsys, folder, survey, model):
+    patches, target = folder / "survey.patches", folder / "again.laz"
+    assert call(capsys, "segment", survey, "-o", patches, "-f")[0] == 0
+    assert call(capsys, "classify", patches, "--model", model, "-o", target, "-f")[0] == 0
+    assert call(capsys, "classify", survey, "--model", model, "-o", folder / "once.laz", "-f")[0] == 0
+    first, second = (read_cloud(str(folder / name)) for name in ("again.laz", "once.laz"))
+    assert first.world().tobytes() == second.world().tobytes()
+    assert {k: v.tobytes() for k, v in first.fields.items()} == {k: v.tobytes() for k, v in second.fields.items()}
+
+
+def test_results_in_las_are_read_by_the_other_verbs(capsys, folder, survey, model):
+    target = folder / "r.las"
+    assert call(capsys, "classify", survey, "--model", model, "-o", target, "-f")[0] == 0
+    scores = call_json(capsys, "evaluate", target, "--truth-field", "truth")
+    assert scores["n"] > 10
+    compared = call_json(capsys, "compare", target, target)
+    assert compared["better"] == "same"
+    assert call(capsys, "render", target, "--view", "plan", "-o", folder / "r.png", "-f")[0] == 0
+
+
+def test_places_are_in_the_unit_of_the_file_and_sizes_in_metres(capsys, folder, survey, model):
+    content = call_json(capsys, "classify", survey, "--model", model, "--unit", "cm", "-o", folder / "cm.laz", "-f")
+    las = laspy.read(folder / "cm.laz")
+    low, high = las.header.mins - 0.01, las.header.maxs + 0.01
+    for row in content["patches"]:
+        mine = las.patch == row["patch"]
+        np.testing.assert_allclose(row["centroid"], las.xyz[mine].mean(axis=0), atol=1e-3)
+        sides = np.ptp(las.xyz[mine], axis=0)
+        assert row["area_m2"] < 2e-4 * sides[2] * np.hypot(*sides[:2])
+    for region in content["regions"]:
+        assert (low <= region["low"]).all()
+        assert (high >= region["high"]).all()
+
+
+def test_the_unit_is_an_option(capsys, survey):
+    plain, feet = call_json(capsys, "inspect", survey), call_json(capsys, "inspect", survey, "--unit", "ft")
+    assert feet["cloud"]["spacing"] == pytest.approx(0.3048 * plain["cloud"]["spacing"], rel=0.05)
+    assert feet["cloud"]["low"] == plain["cloud"]["low"]
+    assert feet["cloud"]["unit"] == [0.3048] * 3
+    assert "unit" in call(capsys, "inspect", survey, "--unit", "ft")[1]
+    code, _, err = call(capsys, "inspect", survey, "--unit", "yard")
+    assert (code, err.count("\n")) == (2, 1)
+    assert "'yard': must be one of" in err

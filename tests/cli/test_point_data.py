@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +19,9 @@ from prf.readings import Readings
 from prf.readings.table import write_table
 from prf.results.geojson import read_map_feature
 from prf.sampler.prepare import read_prepared
-from tests.cli.calls import prf
+from tests.cli.calls import call, prf
+from tests.readings.bags import LEVEL, START, Maker, Note, yaw
+from tests.readings.samples import flaser
 from tests.reference.beams import Sensor, draw_readings, impacts
 from tests.reference.slow_points import Flips, Normal, lattice
 
@@ -141,3 +144,187 @@ def test_info_describes_the_file(files: dict[str, str], capsys: pytest.CaptureFi
     assert "gaussian, unless given" in capsys.readouterr().out
     assert prf("info", files["bits"]) == 3
     assert "given as --point-data" in capsys.readouterr().err
+
+
+# Thinning as `prf sample` and `prf anneal` do it: reported, recorded, repeated by --resume, switched off.
+
+
+THINNING_QUICK = ("--chains", "1", "--resolution", "0.5", "--seed", "3")
+ALL = 5580
+"""Beams of the office's log."""
+EXACT = ("--set", "thinning.beam_density=0")
+DENSITY = ("--set", "thinning.beam_density=4")
+"""Of it that log has some fifteen."""
+
+
+@pytest.fixture
+def log(data_dir: Path) -> Path:
+    return data_dir / "demo-office.log.gz"
+
+
+def test_a_log_as_sparse_as_the_office_is_used_whole(
+    log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name, flags in (("default", ()), ("exact", EXACT)):
+        assert (
+            prf("sample", "--laser", log, *THINNING_QUICK, *flags, "--steps", 10, "-o", tmp_path / name, "--json") == 0
+        )
+        found = json.loads(capsys.readouterr().out)
+        assert (found["n_beams"], found["n_beams_thinned"]) == (ALL, 0)
+    default, exact = (read_run(tmp_path / name) for name in ("default", "exact"))
+    assert default.manifest["configuration"]["beam_density"] > 0.0
+    assert exact.manifest["configuration"]["beam_density"] == 0.0
+    assert (tmp_path / "default" / "draws.npz").read_bytes() == (tmp_path / "exact" / "draws.npz").read_bytes()
+
+
+def test_what_was_left_out_is_reported_and_recorded(
+    log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "run"
+    assert prf("sample", "--laser", log, *THINNING_QUICK, *DENSITY, "--steps", 10, "-o", folder, "--json") == 0
+    captured = capsys.readouterr()
+    found = json.loads(captured.out)
+    assert found["n_beams"] + found["n_beams_thinned"] == ALL
+    assert 1000 < found["n_beams"] < 2500
+    assert f"{found['n_beams']:,} of 5,580 beams (thinned)" in captured.err
+    (reason,) = (line for line in captured.err.splitlines() if line.startswith("thinned to about "))
+    assert "--set thinning.beam_density=0 keeps all" in reason
+    run = read_run(folder)
+    assert run.laser is not None
+    assert len(run.laser.range) == run.manifest["n_beams"] == found["n_beams"]
+    assert run.manifest["n_beams_thinned"] == found["n_beams_thinned"]
+
+
+@pytest.mark.slow
+def test_resuming_repeats_a_thinned_run(log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    whole, halved = tmp_path / "whole", tmp_path / "halved"
+    for folder, steps in ((whole, 40_000), (halved, 20_000)):
+        assert prf("sample", "--laser", log, *THINNING_QUICK, *DENSITY, "--steps", steps, "-o", folder, "-q") == 0
+    capsys.readouterr()
+    assert prf("sample", "--resume", halved, "--laser", log, *DENSITY, "--steps", 40_000, "--json") == 0
+    assert json.loads(capsys.readouterr().out)["n_beams_thinned"] > 0
+    for name in ("draws.npz", "posterior.npz", "readings.npz"):
+        assert (whole / name).read_bytes() == (halved / name).read_bytes(), name
+    assert prf("sample", "--resume", halved, *EXACT, "--steps", 40_000) == 2
+    assert "the run to resume has 4.0" in capsys.readouterr().err
+
+
+def test_a_settings_file_can_set_it_and_options_win(
+    log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "site.toml").write_text("[thinning]\nbeam_density = 4\n")
+    common = ("sample", "--laser", log, *THINNING_QUICK, "--config", tmp_path / "site.toml", "--steps", 10, "--json")
+    assert prf(*common, "-o", tmp_path / "a") == 0
+    assert json.loads(capsys.readouterr().out)["n_beams_thinned"] > 0
+    assert prf(*common, "-o", tmp_path / "b", *EXACT) == 0
+    assert json.loads(capsys.readouterr().out)["n_beams_thinned"] == 0
+
+
+def test_annealing_thins_too(log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    target = tmp_path / "best.geojson"
+    common = ("anneal", "--laser", log, "--chains", 1, "--seed", 1, "--steps", 10, "-o", target, "--json")
+    assert prf(*common, *DENSITY) == 0
+    captured = capsys.readouterr()
+    found, made = json.loads(captured.out), json.loads(target.read_text())["properties"]
+    assert found["n_beams"] + found["n_beams_thinned"] == ALL
+    assert (made["n_beams"], made["n_beams_thinned"]) == (found["n_beams"], found["n_beams_thinned"])
+    assert "of 5,580 beams (thinned)" in captured.err
+    (reason,) = (line for line in captured.err.splitlines() if line.startswith("thinned to about "))
+    assert "--set thinning.beam_density=0 keeps all" in reason
+    assert prf(*common, *EXACT, "--force") == 0
+    assert json.loads(capsys.readouterr().out)["n_beams"] == ALL
+
+
+def test_a_dense_public_log_keeps_the_density(shared_data: Path) -> None:
+    from prf.configuration import Configuration
+    from prf.readings import read_readings
+    from prf.sampler.prepare import prepare
+
+    readings = read_readings(str(shared_data / "prf" / "carmen" / "intel-corrected.log.gz"))
+    prepared = prepare(Configuration.of(max_range=40.0, beam_density=20.0), readings)
+    assert prepared.settings.laser is not None
+    assert len(prepared.settings.laser.readings.range) + prepared.n_beams_thinned == readings.n_beams
+    assert 18_000 < len(prepared.settings.laser.readings.range) < 22_000
+    assert np.isin(prepared.settings.laser.readings.scan, readings.scan).all()
+
+
+# One command makes a useful picture, also of a log whose poses are odometry or in a file.
+
+
+WIDTH, DEPTH = 6.0, 4.0
+"""Of a room with its corner in the origin."""
+N_BEAMS = 36
+BEARINGS = np.linspace(-np.pi, np.pi, N_BEAMS, endpoint=False)
+AHEAD = np.linspace(-np.pi / 2, np.pi / 2, N_BEAMS + 1)
+WAY = np.array([(1.0 + 0.8 * k, 1.0 + 0.4 * k, 0.3 * k) for k in range(6)])
+"""Poses of the laser, a second apart."""
+SMALL = (
+    "--steps 10000 --chains 1 --seed 1 --set sampler.start=grid --max-range 20 --scale 0.2 --window -1 -1 7 5 "
+    "--resolution 0.1"
+)
+
+
+def ranges(pose: np.ndarray, bearings: np.ndarray = BEARINGS) -> np.ndarray:
+    """Return the distances to the walls of the room."""
+    ahead = np.stack([np.cos(pose[2] + bearings), np.sin(pose[2] + bearings)])
+    walls = np.array([[0.0, 0.0], [WIDTH, DEPTH]])[:, :, None]
+    with np.errstate(divide="ignore"):
+        return ((walls - pose[:2, None]) / ahead).max(axis=0).min(axis=0).round(4)
+
+
+BEAMS = [(pose, angle, far) for pose in WAY for angle, far in zip(AHEAD, ranges(pose, AHEAD), strict=True)]
+
+
+def carmen(folder: Path, is_right: bool = True) -> str:
+    lines = [flaser(ranges(p, AHEAD), p if is_right else (9 - k, 9, 0), time=k) for k, p in enumerate(WAY)]
+    (folder / "a.log").write_text("".join(lines))
+    return "a.log"
+
+
+def odometry_bag(folder: Path) -> str:
+    make = Maker("ros1")
+    step = {"angle_min": BEARINGS[0], "angle_increment": BEARINGS[1] - BEARINGS[0], "range_max": 20.0}
+    notes = [Note("/tf_static", START, make.tf(START, "base_link", "laser", (0.0, 0.0, 0.3), LEVEL))]
+    for k, pose in enumerate(WAY):
+        now = START + k
+        notes.append(Note("/tf", now, make.tf(now, "odom", "base_link", (*pose[:2], 0.0), yaw(pose[2]))))
+        notes.append(Note("/scan", now, make.scan(now, ranges(pose), **step)))
+    make.write(folder / "a.bag", notes)
+    return "a.bag"
+
+
+def with_poses(layout: str) -> Callable[[Path], str]:
+    def write(folder: Path) -> str:
+        if layout == "tum":
+            rows = [f"{k} {x} {y} 0 0 0 {np.sin(a / 2)} {np.cos(a / 2)}\n" for k, (x, y, a) in enumerate(WAY)]
+        else:
+            rows = [f"VERTEX_SE2 {k} {x} {y} {a}\n" for k, (x, y, a) in enumerate(WAY)]
+        (folder / "way.txt").write_text("".join(rows))
+        return f"{carmen(folder, is_right=False)} --poses way.txt"
+
+    return write
+
+
+LOGS: dict[str, tuple[Callable[[Path], str], str]] = {
+    "CARMEN": (carmen, ""),
+    "ROS 1 without map": (odometry_bag, "poses are those of 'odom', odometry, which drifts"),
+    "TUM": (with_poses("tum"), "way.txt (TUM, 6 poses) matched by time"),
+    "g2o": (with_poses("g2o"), "way.txt (g2o, 6 poses) matched by order"),
+}
+
+
+@pytest.mark.parametrize("kind", LOGS)
+def test_one_command_makes_a_picture(kind: str, tmp_path: Path) -> None:
+    write, words = LOGS[kind]
+    done = call(f"prf sample --laser {write(tmp_path)} -o run {SMALL}", tmp_path)
+    assert done.code == 0, done.err
+    assert words in done.err
+    assert (tmp_path / "run" / "posterior.png").stat().st_size > 10_000
+    image = read_run(tmp_path / "run").image
+    assert image is not None
+    for share, low, high in ((0.5, 0.0, 0.02), (1.0, 0.7, 1.0)):
+        ends = [
+            p[:2] + (share * r + 0.07 * share) * np.array([np.cos(p[2] + a), np.sin(p[2] + a)]) for p, a, r in BEAMS
+        ]
+        column, row = ((np.array(ends) + 1.0) / 0.1).astype(int).T
+        assert low <= image.occupancy[row, column].mean() <= high, "free half way, a wall where beams end"

@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 import json
+import tomllib
 from pathlib import Path
 
+import numpy as np
 import pytest
+import shapely
 
+from prf.readings import write_table
 from prf.results import map_text, write_run
+from prf.results.occupancy import occupied_probability, path_free, read_grid
 from tests.cli.calls import prf
 from tests.factories import make_run
+from tests.reference.known_worlds import HALL, laser_log, sonar_log
 
 KEYS = ("n_beams", "beam_nll", "auc", "nll", "brier", "within_0.2m", "rmse", "n_draws", "no_obstacle", "seed")
 
@@ -157,3 +163,158 @@ def test_a_run_that_has_no_best_map_yet(tmp_path: Path, table: Path, capsys: pyt
     shown = capsys.readouterr()
     assert json.loads(shown.out)["rmse"] is None
     assert "no best map yet" in shown.err
+
+
+# `prf grid`, and the verbs that take a GRID where they take a RUN.
+
+
+THIN = ("--every-scan", "4", "--every-beam", "3")
+
+
+@pytest.fixture(scope="module")
+def office(log: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    file = tmp_path_factory.mktemp("grid") / "office.npz"
+    assert prf("grid", "--laser", log, *THIN, "-o", file, "-q") == 0
+    return file
+
+
+@pytest.fixture
+def points(tmp_path: Path) -> Path:
+    (tmp_path / "points.csv").write_text("x,y\n5.0,7.0\n6.0,7.0\n")
+    return tmp_path / "points.csv"
+
+
+def test_a_grid_of_a_log(
+    log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert prf("grid", "--laser", log, *THIN, "--json") == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["schema"] == "prf.grid.built/1"
+    assert found["grid"] == "demo-office.grid.npz"
+    grid = read_grid(found["grid"])
+    assert list(grid.occupancy.shape) == found["shape"]
+    assert found["window"] == list(grid.window)
+    assert (found["n_outside"], found["method"], grid.settings["every_scan"]) == (0, "count", 4)
+    assert grid.hits.sum() <= found["n_beams"]
+    assert len(grid.process["inputs"][0]["sha256"]) == 64
+    assert prf("grid", "--laser", log, *THIN) == 4
+    assert "--force" in capsys.readouterr().err
+    assert prf("grid", "--laser", log, *THIN, "-f", "--set", "grid.method=log-odds", "--resolution", 0.5) == 0
+    assert "0.5 m" in capsys.readouterr().out
+    assert read_grid(found["grid"]).occupancy.max() <= 1.0 / (1.0 + np.exp(-3.5)) + 1e-6
+
+
+def test_sonar_alone_and_with_a_laser(log: Path, tmp_path: Path) -> None:
+    table = tmp_path / "ring.csv"
+    table.write_text("x,y,theta,range,cone\n5,7,0,1.5,0.4\n5,7,1,,0.4\n5,7,2,2.5,0.4\n")
+    assert prf("grid", "--sonar", table, "-o", tmp_path / "s.npz", "-q") == 0
+    assert read_grid(tmp_path / "s.npz").hits.sum() > 5
+    assert prf("grid", "--sonar", table, "--laser", log, *THIN, "-o", tmp_path / "b.npz", "-q") == 0
+    assert len(read_grid(tmp_path / "b.npz").process["inputs"]) == 2
+
+
+def test_query_takes_a_grid(office: Path, points: Path, capsys: pytest.CaptureFixture) -> None:
+    grid, xy = read_grid(office), [[5.0, 7.0], [6.0, 7.0]]
+    assert prf("query", office, "--points", points, "--square", 0.2) == 0
+    header, *rows = capsys.readouterr().out.splitlines()
+    assert header == "x,y,p_occupied,low,high,seen"
+    answered = np.array([[float(field) for field in row.split(",")] for row in rows])
+    for column in (2, 3, 4):
+        assert answered[:, column].tolist() == occupied_probability(grid, xy, 0.2).tolist()
+    np.testing.assert_array_equal(answered[:, 5], grid.image().seen_at(np.array(xy)))
+    assert prf("query", office, "--points", points, "--json") == 0
+    assert json.loads(capsys.readouterr().out)["n_draws"] is None
+    assert prf("query", office, "--path", points, "--radius", 0.3) == 0
+    p = path_free(grid, xy, 0.3)
+    assert capsys.readouterr().out == f"p_free   {p!r}\nlow      {p!r}\nhigh     {p!r}\n"
+    assert prf("query", office, "--path", points, "--radius", 0.3, "--json") == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert (answer["p_free"], answer["low"], answer["high"], answer["ess"]) == (p, p, p, None)
+
+
+def test_render_takes_a_grid(office: Path, tmp_path: Path) -> None:
+    assert prf("render", office, "-o", tmp_path / "grid.png") == 0
+    assert (tmp_path / "grid.png").stat().st_size > 10_000
+
+
+# `prf calibrate`: sensors fitted in a known map, and the file that other verbs read.
+
+
+@pytest.fixture(scope="module")
+def calibrate_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("calibrate")
+    sonar, laser = sonar_log(1, 25), laser_log(1, 10)
+    write_table(path / "ring.csv", sonar.readings)
+    write_table(path / "laser.csv", laser.readings)
+    floor = {
+        "type": "Feature",
+        "geometry": shapely.geometry.mapping(sonar.area.region),
+        "properties": {"window": list(HALL)},
+    }
+    (path / "floor.geojson").write_text(json.dumps(floor))
+    far = {"type": "Polygon", "coordinates": [[[900, 0], [901, 0], [901, 1], [900, 0]]]}
+    (path / "far.geojson").write_text(json.dumps(far))
+    return path
+
+
+def test_a_sonar_and_a_laser(calibrate_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    args = [
+        "calibrate",
+        "--sonar",
+        calibrate_folder / "ring.csv",
+        "--laser",
+        calibrate_folder / "laser.csv",
+        "--set",
+        "laser.max_range=8.0",
+    ]
+    args += ["--map", calibrate_folder / "floor.geojson", "-o", tmp_path / "robot.toml"]
+    assert prf(*args, "--json") == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["schema"] == "prf.calibrate/2"
+    assert found["sonar"]["n_readings"] == 400
+    assert found["laser"]["cone"] is None
+    tables = tomllib.loads((tmp_path / "robot.toml").read_text())
+    assert [*tables] == ["sonar", "laser"]
+    values = {row["name"]: row["value"] for row in found["sonar"]["parameters"]}
+    assert tables["sonar"]["surface_oblique"] == pytest.approx(values["surface_oblique"], rel=1e-4)
+    assert prf(*args) == 4
+    assert "already exists" in capsys.readouterr().err
+    assert prf(*args, "-f") == 0
+    shown = capsys.readouterr().out
+    assert "surface_oblique" in shown
+    assert "outlier_probability" in shown
+
+
+def test_the_file_is_for_the_verbs_that_weigh_readings(
+    calibrate_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
+    """Fitted on some scans, other scans are more probable in the true map than with the defaults."""
+    floor, ring = calibrate_folder / "floor.geojson", calibrate_folder / "ring.csv"
+    assert prf("calibrate", "--sonar", ring, "--map", floor, "--skip-scans", "0::3", "-o", tmp_path / "s.toml") == 0
+    capsys.readouterr()
+    scores = []
+    for options in ((), ("--config", tmp_path / "s.toml")):
+        assert prf("score", floor, "--sonar", ring, "--scans", "0::3", "--json", *options) == 0
+        scores.append(json.loads(capsys.readouterr().out)["sonar_nll"])
+    assert scores[1] < scores[0] - 0.05
+
+
+def test_wrong_poses_are_noticed(calibrate_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    known = laser_log(1, 10)
+    mixed = known.readings.select(np.arange(known.readings.n_beams))  # a copy
+    mixed.range[:] = np.random.default_rng(1).permutation(mixed.range)
+    write_table(tmp_path / "mixed.csv", mixed)
+    assert (
+        prf(
+            "calibrate",
+            "--laser",
+            tmp_path / "mixed.csv",
+            "--set",
+            "laser.max_range=8.0",
+            "--map",
+            calibrate_folder / "floor.geojson",
+        )
+        == 0
+    )
+    assert "no better than no map" in capsys.readouterr().err

@@ -14,7 +14,7 @@ import pytest
 
 import mapq.cli
 import prf.cli
-from tests.cli.calls import ONE_EACH, call
+from tests.cli.calls import ONE_EACH, call, content
 from tests.conftest import ROOT
 
 TOOLS = {"prf": prf.cli, "mapq": mapq.cli}
@@ -155,3 +155,203 @@ class TestVerb:
         bodies = {node.name: (node.end_lineno or 0) - node.body[0].lineno + 1 for node in functions}
         assert {name: lines for name, lines in bodies.items() if lines > 60} == {}
         assert "import numpy" not in source
+
+
+# Mistakes that users make: each is answered by one line that names it, and leaves nothing behind.
+
+
+LASER, SONAR = "--laser laser.log", "--sonar sonar.csv"
+FIT = "prf calibrate --map room.geojson"
+SIMULATE = "prf simulate -o out"
+CLASSIFY = "mapq classify walls.patches --model model.json"
+SAMPLE = f"prf sample {LASER} -o out"
+LOWEST = "sampler.lowest_inverse_temperature"
+PERTURB = "mapq perturb scans -o out.ply"
+SETTINGS = (
+    ("--config absent.toml", 3, "absent.toml: no such file"),
+    ("--config bad.toml", 2, "bad.toml: [sonar] nose: unknown key. Did you mean noise?"),
+    ("--config - --laser -", 2, "standard input can be read once only"),
+    ("--topic /scan", 2, "--topic /scan"),
+    ("--set readings.sonar_topic=/scan", 2, "is a table"),
+    ("--frame odom", 2, "is a table"),
+    ("--window 0 0 -1 1", 2, "window"),
+)
+"""Without an output, in which a verb would name one itself."""
+CASES = (
+    ("prf anneal", 2, "--laser"),
+    ("prf anneal laser.log", 2, "--laser"),
+    (f"prf anneal {LASER} --steps 1 --time-budget 1", 2, "one of them"),
+    (f"prf anneal {LASER} -o - --json", 2, "standard output"),
+    (f"prf calibrate {SONAR}", 2, "--map"),
+    (FIT, 2, "--sonar"),
+    (f"{FIT} {SONAR} --set sonar.max_range=-1", 2, "sonar.max_range"),
+    (f"{FIT} {SONAR} --json -o -", 2, "standard output"),
+    ("prf export run", 2, "no format"),
+    ("prf export run -o out.txt", 2, "out.txt: its suffix names no format"),
+    ("prf export run --format ros-map -o -", 2, "pair of files"),
+    ("prf export run --format netcdf -o -", 2, "binary"),
+    ("prf export run -o out.svg --unknown 0 1", 2, "--unknown is for"),
+    ("prf export run -o out.nc --draw 1", 2, "--draw is for maps"),
+    ("prf export run -o out.svg --draw 4", 2, "draws 0 to 3"),
+    ("prf export run -o out.yaml --unknown 0.7 0.2", 2, "lower one first"),
+    ("prf export run -o no/such/folder/a.svg", 4, "cannot be written"),
+    (f"prf grid {LASER} -o out.npz --resolution 0", 2, "--resolution"),
+    ("prf grid -o out.npz", 2, "--laser"),
+    (f"prf grid {LASER} -o out.npz --set prior.scale=1 --set sampler.chains=2", 2, "not read here"),
+    (f"prf grid {LASER} -o out.png", 2, "out.png"),
+    ("prf prior --scale 1 --window 0 0 1 1 --draws 0", 2, "--draws"),
+    ("prf prior --scale 1 --window 0 0 1 1 --draws 1 --thin 5", 2, "--thin"),
+    ("prf prior --scale 0 --window 0 0 1 1 --draws 1", 2, "scale"),
+    ("prf prior --scale 1 --window 0 0 0 1 --draws 1", 2, "window"),
+    ("prf query run", 2, "either --points"),
+    ("prf query run --path points.csv", 2, "--radius"),
+    ("prf query run --points points.csv --radius 1", 2, "--radius"),
+    ("prf query run --points points.csv --square -1", 2, "square -1"),
+    ("prf query run --path points.csv --radius nan", 2, "radius nan"),
+    (f"prf sample {SONAR} --sonar-max-range 0 -o out", 2, "sonar-max-range"),
+    (f"prf sample {SONAR} --sonar-cone 3.2 -o out", 2, "--sonar-cone"),
+    (f"prf sample {SONAR} --window 20 20 30 30 -o out", 3, "no sensor stands inside"),
+    ("prf sample -o out", 2, "--sonar LOG"),
+    ("prf sample --laser - --sonar - -o out", 2, "once"),
+    ("prf sample --point-data - --laser - -o out", 2, "once"),
+    ("prf sample --point-data values.csv --window 20 20 30 30 -o out", 3, "no point lies inside the window"),
+    ("prf score run", 2, "--laser"),
+    (f"prf score run {LASER} --noise 0", 2, "noise"),
+    (f"prf score run {LASER} --square -1", 2, "square"),
+    (f"prf score run {LASER} {SONAR} --pose-noise 0.1 0.1", 2, "no --sonar"),
+    ("prf simulate", 2, "-o"),
+    (f"{SIMULATE} --size 2 2", 2, "size"),
+    (f"{SIMULATE} --scale 1", 2, "--scale is for --world arak"),
+    (f"{SIMULATE} --no-laser", 2, "no sensor"),
+    (f"{CLASSIFY} -o -", 2, "two files"),
+    (f"{CLASSIFY} -o out.json", 2, "two files"),
+    (f"{CLASSIFY} -o out/", 2, "name of a folder"),
+    ("mapq segment cloud.ply -o out/", 2, "name of a folder"),
+    (f"{CLASSIFY} -o out.ply --max-tilt 10", 2, "segmented already"),
+    (f"{CLASSIFY} -o out.ply --unit ft", 2, "holds its unit"),
+    (f"{CLASSIFY} -o out.ply --topic t", 2, "leave the topic out"),
+    (f"{CLASSIFY} -o no/such/folder/out.ply", 4, "does not exist). Make it first"),
+    (f"{CLASSIFY} -o out.ply --fail-over 5", 2, "must be a share between 0 and 1 such as 0.05 or 5%"),
+    (f"{CLASSIFY} -o out.ply --fail-over nan", 2, "must be a share between 0 and 1 such as 0.05 or 5%"),
+    (f"{CLASSIFY} -o out.copc.laz", 2, "COPC is not written"),
+    ("mapq compare walls.patches walls.patches --model model.json --cell 0", 2, "no length"),
+    ("mapq evaluate cloud.ply", 3, "neither PATCHES nor a result"),
+    ("mapq evaluate walls.patches --model model.json --truth-field wrong", 3, "no point field wrong"),
+    ("mapq evaluate result.ply --model model.json", 2, "Leave out --model"),
+    ("mapq features walls.patches --csv --json", 2, "--json"),
+    ("mapq features walls.patches --set features.context=['colour']", 2, "no context colour"),
+    ("mapq render cloud.ply -o out.txt", 2, "out.txt"),
+    ("mapq segment cloud.ply -o out.patches --set crf.folds=3", 2, "not read here"),
+    ("mapq segment -", 2, "Name the output with -o"),
+    ("mapq segment cloud.ply --set segment.max_angle=0 -o out.patches", 2, "segment.max_angle must be above 0"),
+    ("mapq segment cloud.ply --set segment.neighbours=2 -o out.patches", 2, "segment.neighbours must be from 3 to 64"),
+    ("mapq segment cloud.ply --max-tilt 95 -o out.patches", 2, "--max-tilt must be from 0 to 90"),
+    ("mapq classify walls.patches --preset velodyne-vlp16 -o out.ply", 2, "a --preset is for clouds"),
+    ("mapq simulate", 2, "-o"),
+    ("mapq simulate -o out.ply --drift -1", 2, "drift = -1"),
+    ("mapq simulate -o no/such/folder/out.ply", 4, "no/such/folder"),
+    ("mapq train walls.patches -o out.json --set crf.regularisation=0", 2, "regularisation 0.0"),
+    ("mapq train walls.patches -o out.json --set features.radius=-1", 2, "radius"),
+    ("mapq train walls.patches --json -o -", 2, "both want standard output"),
+    ("mapq train bare.patches -o out.json", 3, "mapq label"),
+    (f"{SAMPLE} --window 3 0 1 1", 2, "window"),
+    (f"{SAMPLE} --window 100 100 110 110", 3, "no sensor stands inside"),
+    (f"{SAMPLE} --scale -1", 2, "scale"),
+    (f"{SAMPLE} --noise 0", 2, "noise"),
+    (f"{SAMPLE} --outlier-probability 0", 2, "outlier-probability"),
+    (f"{SAMPLE} --miss-probability 1.5", 2, "miss-probability"),
+    (f"{SAMPLE} --max-range nan", 2, "max-range"),
+    (f"{SAMPLE} --max-range -3", 2, "max-range"),
+    (f"{SAMPLE} --resolution 1e-9", 2, "--resolution"),
+    (f"{SAMPLE} --steps 10 --time-budget 1", 2, "one of them"),
+    (f"{SAMPLE} --steps 10 my.log", 2, "(my.log). Did you mean --laser my.log?"),
+    (f"{SAMPLE} --time-budget 1d", 2, "5m, 1.5h or 1h30m"),
+    (f"{SAMPLE} --scans a:b", 2, "--scans"),
+    (f"{SAMPLE} --every-scan 1 --scans 900:901", 3, ""),
+    (f"{SAMPLE} --set sampler.start=moon", 2, '--set sampler.start = "moon": must be'),
+    (f"{SAMPLE} --set {LOWEST}=1", 2, f"--set {LOWEST} = 1"),
+    (
+        f"{SAMPLE} --set sampler.temperatures=3 --set sampler.tiles=4",
+        2,
+        "--set sampler.tiles: tempered chains have no tiles",
+    ),
+    (
+        f"{SAMPLE} --set sampler.temperatures=auto --set sampler.tiles=4",
+        2,
+        "--set sampler.tiles: tempered chains have no tiles",
+    ),
+    (f"{SAMPLE} --set sampler.temperatures=0", 2, "--set sampler.temperatures = 0"),
+    (f"{SAMPLE} --set sampler.temperature=3", 2, "unknown key. Did you mean temperatures?"),
+    *(
+        (f"prf {verb} {LASER} -o out --set thinning.beam_density={density}", 2, "beam_density")
+        for verb in ("sample", "anneal")
+        for density in ("-1", "nan")
+    ),
+    *(
+        (f"prf {verb} {SONAR} {line}", code, words)
+        for verb in ("sample", "anneal", "grid")
+        for line, code, words in SETTINGS
+    ),
+    ("prf simulate -o out --no-laser --sonar --set simulate.beams=90", 2, "there is --no-laser"),
+    ("mapq simulate -o out --size city --drift 0", 2, "drift is not for --size city"),
+    ("mapq simulate -o out --size city --n-points 1000", 2, "--n-points 1000"),
+    ("mapq simulate -o - --size city", 2, "a city is a folder of tiles"),
+    ("mapq classify cloud.ply --workers 0", 2, "--workers 0"),
+    ("mapq classify cloud.ply --tile-points 9", 2, "--tile-points 9"),
+    ("mapq classify cloud.ply --workers 2 --scheduler tcp://x:1", 2, "exclude one another"),
+    ("mapq classify cloud.ply --workers 2 -o -", 2, "two files"),
+    ("mapq classify walls.patches --workers 2 -o out.ply", 2, "segmented already"),
+    ("mapq label bare.patches --conservative", 2, "--from-field"),
+    ("mapq label bare.patches --force", 2, "--from-field"),
+    (
+        "mapq label bare.patches --from-field truth --model m.json",
+        2,
+        "--model, --port and --no-browser are for the page",
+    ),
+    ("mapq label bare.patches --from-field truth --no-browser", 2, "--model, --port and --no-browser are for the page"),
+    ("mapq label walls.patches --from-field wrong", 3, "walls.patches: no point field wrong"),
+    ("mapq label walls.patches --from-field intensity", 3, "neither 0 nor 1"),
+    ("prf export grid.npz --format geojson -o out", 3, "a grid has no polygons"),
+    ("prf export grid.npz --format netcdf -o out", 3, "a grid has no chains"),
+    ("prf export grid.npz --format ros-map --draw 0 -o out.yaml", 3, "a grid has no draws"),
+    ("prf export grid.npz --format ros-map --squares -o out.yaml", 2, "a GRID has cells of"),
+    ("prf export grid.npz --format ros-map --resolution 1 -o out.yaml", 2, "a GRID has cells of"),
+    ("prf export room.geojson --format netcdf -o out", 3, "one map has no chains"),
+    ("prf export room.geojson --format svg --draw 0 -o out", 3, "one map has no draws"),
+    ("prf export room.geojson --format tum -o out", 3, "one map has no trajectory"),
+    ("prf export run --format tum -o out", 3, "its poses were not sampled"),
+    ("prf render grid.npz -o out.png --what best", 2, "GRID"),
+    ("prf render grid.npz grid.npz -o out.png", 2, "GRID"),
+    ("mapq perturb scans", 2, "-o"),
+    ("mapq perturb scans -o -", 2, "-o MAP.ply"),
+    ("mapq perturb scans -o out.json", 2, "-o"),
+    ("mapq perturb scans -o out.pcd", 2, "out.pcd"),
+    (f"{PERTURB} --offset -1", 2, "--offset"),
+    (f"{PERTURB} --drift 1 nan", 2, "--drift"),
+    (f"{PERTURB} --set scans.voxel=-1", 2, "voxel"),
+    (f"{PERTURB} --set simulate.variety=4", 2, "variety"),
+    (f"{PERTURB} --set scans.min_range=3 --set scans.max_range=2", 2, "min_range"),
+    (f"{PERTURB} --set perturb.plausible_below=1", 2, "plausible_below"),
+    (f"{PERTURB} --set scans.quaternion=abcd", 2, "quaternion"),
+    ("mapq perturb scans/0.ply scans/1.ply -o out.ply --scans *.ply", 2, "--scans"),
+    (f"{PERTURB} --yaw 1 --set scans.max_range=0.5", 3, "no point is left"),
+    (f"{PERTURB} --poses no.txt", 3, "no.txt"),
+    (f"{PERTURB} --reference no.txt", 3, "no.txt"),
+    (f"{PERTURB} --scans b*", 3, "--scans"),
+    (f"{PERTURB} --calibration calib.txt", 3, "calib.txt: no such file"),
+    ("mapq perturb no-folder -o out.ply", 3, "no-folder"),
+    ("mapq perturb scans scans -o out.ply", 3, "this is a folder"),
+    ("mapq perturb scans -o no/such/map.ply", 4, "no/such"),
+    ("mapq perturb scans/0.ply --poses scans/poses.txt -o scans/0.ply -f", 2, "is an input"),
+    ("mapq perturb scans -o scans/0.ply -f", 2, "is an input"),
+)
+
+
+@pytest.mark.parametrize(("line", "code", "words"), CASES, ids=[line for line, _, _ in CASES])
+def test_a_mistake_is_one_line(line: str, code: int, words: str, folder: Path) -> None:
+    before = content(folder)
+    done = call(line, folder, *([] if "--json" in line or "--csv" in line else ["-q"]))
+    assert (done.code, done.out) == (code, ""), done
+    assert done.err.count("\n") == 1, done.err
+    assert words in done.err
+    assert content(folder) == before
