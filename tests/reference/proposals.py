@@ -445,30 +445,13 @@ def filled(x: PlainMap, inner: list[Point], density: float) -> Iterator[Way]:
 
 
 WAYS: dict[int, Callable[[PlainMap, PlainMap, Plan], Iterator[Way]]] = {
-    c.TRIANGLE_BIRTH: triangle_birth,
-    c.TRIANGLE_DEATH: triangle_death,
-    c.BOUNDARY_BIRTH: boundary_birth,
-    c.BOUNDARY_DEATH: boundary_death,
-    c.CORNER_BIRTH: corner_birth,
-    c.CORNER_DEATH: corner_death,
-    c.SPLIT: split,
-    c.MERGE: merge,
-    c.MOVE_INTERIOR: move_interior,
-    c.MOVE_BOUNDARY: move_boundary,
-    c.PAST_CORNER: past_corner,
-    c.RECOLOR: recolor,
-    c.LOCAL_RECOLOR: local_recolor,
-    c.SLIDE: slide,
-    c.CUT_WALL: cut_wall,
-    c.MEND_WALL: mend_wall,
-    c.JOIN_WALL: join_wall,
-    c.PART_WALL: part_wall,
-    c.DOCK: dock,
-    c.BEND: bend,
-    c.UNBEND: unbend,
-    c.UNDOCK: undock,
-    c.NOTCH: notch,
-    c.FILL: fill,
+    getattr(c, each.__name__.upper()): each
+    for each in (
+        *(triangle_birth, triangle_death, boundary_birth, boundary_death, corner_birth, corner_death),
+        *(split, merge, move_interior, move_boundary, past_corner, recolor),
+        *(local_recolor, slide, cut_wall, mend_wall, join_wall, part_wall),
+        *(dock, bend, unbend, undock, notch, fill),
+    )
 }
 
 

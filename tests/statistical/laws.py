@@ -1,4 +1,8 @@
-"""Geometry of all edges and vertices of many draws at once, for the checks of exact laws."""
+"""One harness for exact and Markov chain draws: the z-score of every exact law of the Arak process.
+
+Every law is written as one number a draw whose mean is exactly 0 (:func:`residuals`), so that the z-score is the mean
+over its standard error whatever the law: plain for independent draws, by batch means within chains otherwise.
+"""
 
 from __future__ import annotations
 
@@ -102,12 +106,6 @@ class Flat:
             reach = ((start + t[:, None] * (end - start)) - a) @ along
         hit = ((height_start > 0) != (height_end > 0)) & (reach > 0) & (reach < along @ along)
         return self.per_draw(self.edge_draw[hit])
-
-
-# One harness for exact and Markov chain draws: the z-score of every exact law of the Arak process.
-#
-# Every law is written as one number a draw whose mean is exactly 0 (:func:`residuals`), so that the z-score is the mean
-# over its standard error whatever the law: plain for independent draws, by batch means within chains otherwise.
 
 
 Residuals = dict[str, Floats]

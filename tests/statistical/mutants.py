@@ -102,6 +102,26 @@ WHOLE_AREA = Mutant(
     "births in a tile that count the area of the whole window (10 x 10 m)",
     (("interior_triangle.py", "surface = placing.area(graph.window)", "surface = 100.0"),),
 )
+RARE_TURNS = Mutant(
+    "exact draws that turn a twentieth too rarely",
+    (
+        (
+            "../arak_sampler.py",
+            "rng.standard_exponential() / (2.0 * size.p)",
+            "rng.standard_exponential() / (1.9 * size.p)",
+        ),
+    ),
+)
+SINE_BORDER = Mutant(
+    "exact draws that leave the left side with density |sin f| / 2 in place of cos(f) / 2",
+    (
+        (
+            "../arak_sampler.py",
+            "math.asin(2.0 * rng.random() - 1.0)",
+            "math.copysign(math.acos(rng.random()), rng.random() - 0.5)",
+        ),
+    ),
+)
 NO_JACOBIAN = Mutant(
     "warp without its Jacobian", (("../poses/warp.py", "- change - log_vertices - log_poses", "- change"),)
 )

@@ -3,6 +3,7 @@
 ``python -m tests.statistical.prior_chain STEPS SEED MOVE=ODDS ... setting=NUMBER ...`` prints them as JSON; odds
 replace the defaults, so that a doubtful move acts more often. Settings are p = 1, unless given, and those of the
 sampler, but cells of 0.2 m, which let the local recolouring find neighbours; ``targets=N`` aims at so many squares.
+With ``exact`` in front, and the number of draws for that of steps, the draws are exact ones.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 import prf
 from prf.kernels import constants as c
 from prf.kernels.step import run
+from prf.model.arak import exact_draws
 from prf.model.coloring import Coloring, Draws
 from prf.model.layout import grow, make_targets, read_coloring
 from prf.model.window import Window
@@ -48,7 +50,16 @@ def prior_draws(
     return Draws.from_colorings(maps, UNIT), chain.outcomes
 
 
+def print_exact(n_draws: int, seed: int) -> None:
+    """Print the z-scores of exact draws at p = 1."""
+    draws = exact_draws(1.0, UNIT, n_draws, np.random.default_rng(seed))
+    print(json.dumps({"package": prf.__file__, "z": law_scores(draws, 1.0, UNIT).z}))
+
+
 if __name__ == "__main__":
+    if sys.argv[1] == "exact":
+        print_exact(int(sys.argv[2]), int(sys.argv[3]))
+        sys.exit()
     steps, seed = int(sys.argv[1]), int(sys.argv[2])
     numbers = {name: float(number) for name, number in (text.split("=") for text in sys.argv[3:])}
     odds = {getattr(c, name): share for name, share in numbers.items() if name.isupper()}

@@ -1,8 +1,9 @@
-"""Exact draws obey every exact law; a naive second simulator agrees; spoilt simulators are caught."""
+"""Exact draws obey every exact law, and spoilt simulators are caught."""
 
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,14 +18,16 @@ from prf.model.layout import grow, make_targets
 from prf.model.window import Window
 from prf.sampler import mcmc_draws
 from prf.sampler.posterior import Settings, make_chain
-from tests.reference.naive_particles import naive_draws
+from tests.statistical import mutants
 from tests.statistical.laws import LawScores, law_scores, residuals
+from tests.statistical.means import largest
 
 SEED = 20050726
 UNIT = Window(0.0, 0.0, 1.0, 1.0)
 OBLONG = Window(3.0, -1.5, 5.0, -0.5)
 ROOM = Window(-5.0, -5.0, 5.0, 5.0)
 CASES = [pytest.param(1.0, UNIT, id="unit"), pytest.param(0.5, OBLONG, id="oblong"), pytest.param(0.4, ROOM, id="room")]
+EXACT = ("tests.statistical.prior_chain", "exact")
 FAST = {1.0: 4000, 0.5: 4000, 0.4: 500}
 FULL = {1.0: 100_000, 0.5: 100_000, 0.4: 10_000}
 
@@ -53,25 +56,16 @@ def test_many_exact_draws_obey_the_laws(scale: float, window: Window) -> None:
 
 
 @pytest.mark.slow
-def test_a_naive_simulator_obeys_the_laws_too() -> None:
-    draws = naive_draws(1.0, UNIT, 20_000, np.random.default_rng(SEED))
-    assert not any(violations(draws[i]) for i in range(500))
-    scores = law_scores(draws, 1.0, UNIT)
-    assert not scores.beyond(4.0), report(scores, 4.0)
+@pytest.mark.parametrize("mutant", [mutants.RARE_TURNS, mutants.SINE_BORDER], ids=["turn rate", "border law"])
+def test_a_wrong_simulator_is_caught(mutant: mutants.Mutant, tmp_path: Path) -> None:
+    found = mutants.run_check(tmp_path, mutant, *EXACT, "20000", str(SEED), compiled=True)
+    assert largest(found["z"])[1] > 6.0, largest(found["z"])
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("wrong", [{"turns": 1.9}, {"sine_border": True}], ids=["turn rate", "border law"])
-def test_a_wrong_simulator_is_caught(wrong: dict[str, float]) -> None:
-    scores = law_scores(naive_draws(1.0, UNIT, 20_000, np.random.default_rng(SEED), **wrong), 1.0, UNIT)
-    assert scores.beyond(6.0), scores.worst()
-
-
-@pytest.mark.slow
-def test_a_wrong_border_law_is_caught_by_few_draws() -> None:
-    draws = naive_draws(1.0, UNIT, 3000, np.random.default_rng(SEED), sine_border=True)
-    scores = law_scores(draws, 1.0, UNIT)
-    assert abs(scores.z["angle to the left side: variance"]) > 6.0
+def test_a_wrong_border_law_is_caught_by_few_draws(tmp_path: Path) -> None:
+    found = mutants.run_check(tmp_path, mutants.SINE_BORDER, *EXACT, "3000", str(SEED), compiled=True)
+    assert abs(found["z"]["angle to the left side: variance"]) > 6.0
 
 
 def test_a_wrong_scale_is_caught_by_few_draws() -> None:
