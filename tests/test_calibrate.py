@@ -32,7 +32,7 @@ from prf.output.export.cells import Cells
 from prf.output.export.ros_map import ros_map
 from prf.results.score import OccupiedArea, PolygonMap, hold_out_sonar, read_occupied_area, score
 from prf.results.score.scene import features_seen, scene_of_coloring
-from prf.shell.errors import ConfigError, InputError
+from prf.shell.errors import ArgumentError, InputError
 from tests.factories import score_settings
 from tests.readings.sonar_sets import ARENA_POSITIONS, ARENA_WALLS, arena_readings
 from tests.reference import slow_sonar
@@ -252,7 +252,7 @@ def test_sensors_beside_the_map_are_dropped_counted_or_refused(caplog: pytest.Lo
         calibrate_laser(
             known.readings, OccupiedArea(shapely.box(-1, -1, 20, 20), None), Configuration.of(max_range=8.0)
         )
-    with pytest.raises(ConfigError, match="max-range"):
+    with pytest.raises(ArgumentError, match="max_range"):
         calibrate_laser(known.readings, known.area, Configuration.of(max_range=-1.0))
 
 
