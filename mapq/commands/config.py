@@ -26,7 +26,7 @@ def config(
     its source.
     """
     from mapq.configuration import Configuration
-    from prf.shell.cli.config_verb import show, show_presets
+    from prf.shell.cli.settings_file import show, show_presets
 
     if action is ConfigAction.show:
         show(Configuration, "mapq.config/1", file, preset, assignments, json)

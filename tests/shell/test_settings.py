@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 
 import mapq.configuration
 from prf.configuration import Configuration
-from prf.shell.cli.settings import Tree, described_text, load, preset_names, preset_text, read_preset, settings_text
+from prf.shell.cli.settings import Tree, load, preset_names, preset_text, read_preset
+from prf.shell.cli.settings_file import described_text, settings_text
 from prf.shell.errors import ConfigError, InputError, UsageError
 
 TREES: list[type[Tree]] = [Configuration, mapq.configuration.Configuration]

@@ -8,7 +8,7 @@ import json
 import os
 import re
 import tomllib
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, ClassVar, Generic, Literal, NamedTuple, Self, TypeVar
 
@@ -346,7 +346,7 @@ def _refusal(
     if error["type"] in BOUND_WORDS:
         unit = note_of(table, name, "unit")
         words = BOUND_WORDS[error["type"]].format(**error["ctx"]) + (f", in {unit}" if unit else "")
-    return f"{place} = {_toml(error['input'])}: {words}."
+    return f"{place} = {toml_of(error['input'])}: {words}."
 
 
 def _of_table(table: str, words: str, sources: Mapping[str, str]) -> str:
@@ -370,57 +370,8 @@ def _instead(name: str, known: Iterable[str]) -> str:
     return f"Did you mean {close[0]}?" if close else f"Known are {', '.join(names)}."
 
 
-def settings_text(values: Mapping[str, Mapping[str, Any]], comments: Mapping[str, str]) -> str:
-    """Return the text of a settings file; its numbers are read back to the last bit.
-
-    `comments`: for ``""`` (the head of the file), ``"TABLE"`` or ``"TABLE.KEY"``; the first two may have several lines.
-    """
-    parts = [_comment(comments.get("", ""))]
-    for table, content in values.items():
-        lines = {name: f"{name} = {_toml(value)}" for name, value in content.items()}
-        width = max(map(len, lines.values()), default=0)
-        notes = {name: comments.get(f"{table}.{name}", "") for name in lines}
-        rows = [f"{line:<{width}}  # {notes[name]}" if notes[name] else line for name, line in lines.items()]
-        parts.append(_comment(comments.get(table, "")) + "\n".join([f"[{table}]", *rows]) + "\n")
-    return "\n".join(part for part in parts if part)
-
-
-def described_text(loaded: Loaded[T], head: str) -> str:
-    """Return a settings file with every key: its meaning, and what has set it; keys without value as comments."""
-    values: Values = {}
-    comments = {"": head}
-    for table, model in type(loaded.settings).tables().items():
-        lines, values[table] = [(model.__doc__ or "").partition("\n")[0]], {}
-        for name, field in model.model_fields.items():
-            unit, place = note_of(model, name, "unit"), f"{table}.{name}"
-            words = (f"[{unit}] " if unit else "") + (field.description or "")
-            value = loaded.settings.get(place)
-            if value is None:
-                lines.append(f"{name}: {words}")
-            else:
-                values[table][name], comments[place] = value, words + _set_by(loaded.sources.get(place))
-        comments[table] = "\n".join(lines)
-    return settings_text(values, comments)
-
-
-def _set_by(source: str | None) -> str:
-    return "" if source is None else f" ({source.partition(':')[0] if source.startswith('preset ') else 'set here'})"
-
-
-def _comment(text: str) -> str:
-    return "".join(f"# {line}".rstrip() + "\n" for line in text.splitlines())
-
-
-def _toml(value: Any) -> str:
+def toml_of(value: Any) -> str:
+    """Return a value as TOML has it."""
     if isinstance(value, list | tuple):
-        return f"[{', '.join(map(_toml, value))}]"
+        return f"[{', '.join(map(toml_of, value))}]"
     return repr(value) if isinstance(value, float) else json.dumps(value, ensure_ascii=False, default=str)
-
-
-def values_of(settings: Tree) -> Values:
-    """Return the values by table, without keys that are None."""
-    return {table: dict(_set_in(getattr(settings, table))) for table in type(settings).tables()}
-
-
-def _set_in(table: Table) -> Iterator[tuple[str, Any]]:
-    return ((name, value) for name, value in table if value is not None)
