@@ -17,9 +17,9 @@ Readings come as CARMEN or Player logs, ROS bags or tables; .gz is read as is an
 VERBS: dict[str, str] = {
     "sample": "Draw the posterior over polygonal maps from localized readings, or values at points.",
     "anneal": "Find the one best polygonal map of localized readings, or values at points.",
-    "info": "Say what is in a log: scans, beams, extent, ranges, and what looks suspicious.",
+    "info": "Show what is in a log: scans, beams, extent, ranges, and what looks suspicious.",
     "prior": "Draw maps from the prior, exactly or by Markov chain.",
-    "query": "Ask a run or a grid how probably points, squares or a path are occupied or free.",
+    "query": "Query how probably points, squares or a path are occupied or free.",
     "inspect": "Show what a result is, how it was made, and the state of its files.",
     "config": "Show all settings as a settings file, or list presets.",
     "grid": "Build an occupancy grid, the baseline, from localized readings.",

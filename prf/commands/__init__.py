@@ -4,7 +4,7 @@ How a verb is written: ``prf/commands/<verb>.py`` holds a function of the verb's
 (first line: the summary in ``prf --help``), its parameters are the options (:mod:`prf.shell.cli.options` has the shared
 ones), and the module's ``EXAMPLES``, a tuple of command lines that run, ends its help::
 
-    """Say what is in a log."""
+    """Show what is in a log."""
 
     from __future__ import annotations
 
@@ -27,7 +27,7 @@ ones), and the module's ``EXAMPLES``, a tuple of command lines that run, ends it
         settings: Loaded[Configuration],
         json: Json = False,
     ) -> None:
-        """Say what is in a log."""
+        """Show what is in a log."""
         from prf.readings import describe
 
 `with_settings` names the tables and keys that the verb reads: it adds their flags and hands over their values.

@@ -1,4 +1,4 @@
-"""Say what is in a log: scans, beams, extent, ranges, and what looks suspicious."""
+"""Show what is in a log: scans, beams, extent, ranges, and what looks suspicious."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def info(
     settings: Loaded[Configuration],
     json: Json = False,
 ) -> None:
-    """Say what is in a log: scans, beams, extent, ranges, and what looks suspicious.
+    """Show what is in a log: scans, beams, extent, ranges, and what looks suspicious.
 
     -v prints all lines and notes. Suspicious are poses that jump, clocks that do not run, ranges that are error codes,
     lines of unknown kinds. Whether the poses agree with one another over loops is not checked: look at the map for

@@ -1,4 +1,4 @@
-"""Ask a run or a grid how probably points, squares or a path are occupied or free."""
+"""Query how probably points, squares or a path are occupied or free."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ EXAMPLES = (
 def query(
     run: Annotated[str, typer.Argument(metavar="RUN|GRID", help="What prf sample or prf grid wrote.")],
     points: Annotated[
-        str | None, typer.Option("--points", metavar="FILE.csv", help="Points to ask for, x,y; - is standard input.")
+        str | None, typer.Option("--points", metavar="FILE.csv", help="Points, x,y; - is standard input.")
     ] = None,
     square: Annotated[
         float | None,
         typer.Option(
-            "--square", metavar="METRES", help="Ask whether any part of the square of this side round a point is black."
+            "--square", metavar="METRES", help="Whether any part of the square of this side round a point is black."
         ),
     ] = None,
     path: Annotated[
@@ -47,7 +47,7 @@ def query(
     ] = None,
     json: Json = False,
 ) -> None:
-    """Ask a run or a grid how probably points, squares or a path are occupied or free.
+    """Query how probably points, squares or a path are occupied or free.
 
     With --points: CSV rows x,y,p_occupied,low,high,seen in the order of the input. p_occupied is the share of draws
     that are black at the point, or in which the square is not completely white, and nan outside the window; seen is 1

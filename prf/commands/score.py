@@ -69,7 +69,7 @@ def score(
         typer.Option(
             "--square",
             metavar="METRES",
-            help="Side of the square that every map is asked for round a held-out point; 0: the point, of a GRID its "
+            help="Side of the square round a held-out point whose probability is scored; 0: the point, of a GRID its "
             "cell.",
         ),
     ] = 0.2,

@@ -105,8 +105,9 @@ class Trajectory:
 
 
 def _by(metres: float, radians: float) -> str:
-    shown = [f"{value:.2g}" if value < 99.5 else f"{value:.0f}" for value in (100.0 * metres, math.degrees(radians))]
-    return f"{shown[0]} cm and {shown[1]} degrees"
+    length = f"{100.0 * metres:.2g} cm" if metres < 0.995 else f"{metres:.3g} m"
+    degrees = math.degrees(radians)
+    return f"{length} and {degrees:.{2 if degrees < 99.5 else 3}g} degrees"
 
 
 def pose_functionals(poses: Floats, given: Floats) -> dict[str, Floats]:

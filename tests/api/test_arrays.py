@@ -70,7 +70,7 @@ def test_sonars_have_a_cone_and_lasers_have_none() -> None:
         (lambda: prf.laser(POSE, ANGLE, RANGES[0]), "ranges: has shape (3,), must be (n, n)"),
         (lambda: prf.laser(POSE * [np.nan, 1.0, 1.0], ANGLE, RANGES), "pose[0, 0] is nan: must be finite"),
         (lambda: prf.laser(POSE, np.degrees(ANGLE) + 90.0, RANGES), "must be finite and in radians"),
-        (lambda: prf.laser(POSE, ANGLE, -RANGES), "ranges[0, 0] is -1: negative"),
+        (lambda: prf.laser(POSE, ANGLE, -RANGES), "ranges[0, 0] is -1: must be at least 0"),
         (lambda: prf.laser(POSE, ANGLE, 1e4 * RANGES), "ranges[0, 1] is 20000 m: must be a distance in metres"),
         (lambda: prf.laser(POSE, ANGLE, np.zeros((2, 3))), "so there is no reading"),
         (lambda: prf.laser(POSE, ["a", "b", "c"], RANGES), "angle: must be an array of numbers"),

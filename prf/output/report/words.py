@@ -70,7 +70,8 @@ def trajectory_line(run: RunData) -> str:
     if run.trajectory is None:
         return ""
     farthest = float(np.hypot(*run.trajectory.correction[:, :2].T).max())
-    return f"{run.trajectory.words()}; the farthest by {number(100.0 * farthest, 1)} cm."
+    length = f"{number(100.0 * farthest, 1)} cm" if farthest < 1.0 else f"{number(farthest, 2)} m"
+    return f"{run.trajectory.words()}; the farthest by {length}."
 
 
 def functional_table(run: RunData) -> str:
