@@ -19,7 +19,7 @@ WIDTHS = (3, 4, 5, 6)
 """Columns of such files: those of nuScenes have 5. More than 4 are recognised, not read."""
 
 ENOUGH_POINTS = 200
-"""With fewer, the spread of the columns is no evidence of how many there are."""
+"""With fewer, the spread of the columns does not show how many there are."""
 
 ALIKE, UNLIKE = 0.1, 0.5
 """Natural logarithms. Mixed-up columns have the same typical size within the first; coordinates and intensity, or

@@ -232,7 +232,7 @@ def _shown(session: Session) -> dict[str, str]:
     if sampler.n_temperatures > 1:
         fields["temperatures"] = f"{sampler.n_temperatures}"
     if progress.diagnoses:
-        fields["worst"] = verdict(progress.diagnoses).reason
+        fields["least_converged"] = verdict(progress.diagnoses).reason
     return fields
 
 

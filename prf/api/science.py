@@ -81,7 +81,7 @@ def settled(
     for sensor in _listed(sensors):
         if type(sensor) not in TABLES:
             names = ", ".join(kind.__name__ for kind in TABLES)
-            raise ArgumentError(f"sensors: a {type(sensor).__name__} is none of {names}.")
+            raise ArgumentError(f"sensors: a {type(sensor).__name__}, must be one of {names}.")
         tables[TABLES[type(sensor)]] = sensor
     changes = {name: value for name, value in options.items() if value is not None}
     found = requested.settings.model_copy(update=tables).replace(**changes)
@@ -157,7 +157,7 @@ def _kind(source: Source) -> ReadingKind:
 def _checked_source(kind: str, source: Source) -> Source:
     wanted: tuple[type, ...] = (PointTable if kind == "points" else Readings, str, os.PathLike)
     if kind not in KINDS:
-        raise ArgumentError(f"readings: {kind!r} is none of {', '.join(KINDS)}.")
+        raise ArgumentError(f"readings: {kind!r}: must be one of {', '.join(KINDS)}.")
     if not isinstance(source, wanted):
         raise ArgumentError(
             f"readings: {type(source).__name__} is not a log. Give a file, or readings made by prf.{kind} from arrays."

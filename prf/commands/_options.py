@@ -1,4 +1,4 @@
-"""Options that several verbs of `prf` share and that are no settings: logs, and when to stop."""
+"""Options that several verbs of `prf` share and that are not settings: logs, and when to stop."""
 
 from __future__ import annotations
 

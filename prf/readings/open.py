@@ -175,7 +175,7 @@ def read_logs(
 
 
 def recognise(data: bytes, source: str, raw: bool = False) -> Format:
-    """Return the format of decompressed content that is no bag (InputError with what it looks like if it is none).
+    """Return the format of decompressed content other than a bag (InputError with what it looks like if unknown).
 
     `raw`: whether logs are taken that have no poses but raw odometry.
     """

@@ -23,7 +23,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
 REL_TOL = 1e-9  # share of a window's extent within which a vertex lies on its border
-FLAT = 1e-6  # metres by which a vertex must leave the line through its neighbours, else it is no corner
+FLAT = 1e-6  # metres by which a vertex must leave the line through its neighbours, else it is not a corner
 CELLS_PER_EDGE = 2.0  # cells of the index of edges: fewer make lists longer, more make walks longer
 MIN_CELLS, MAX_CELLS = 100.0, 250_000.0
 

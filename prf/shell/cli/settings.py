@@ -272,7 +272,7 @@ def _nested(place: str, value: Any) -> Values:
 
 
 def _merged(tree: type[T], layers: Iterable[Layer]) -> tuple[T, dict[str, str]]:
-    """Return settings of layers, the later the stronger, and what has set each value that is no default."""
+    """Return settings of layers, the later the stronger, and what has set each value other than a default."""
     merged: Values = {}
     sources: dict[str, str] = {}
     for source, tables in layers:

@@ -287,7 +287,7 @@ def numbers(rows: Sequence[Sequence[str]], where: Sequence[str]) -> Floats:
 
 
 def slam_state(head: bytes) -> str | None:
-    """Return what a state file of a SLAM program is, and what to take instead; None if it is none."""
+    """Return what a state file of a SLAM program is, and what to take instead; None for other files."""
     return next((words for magic, words in SLAM_STATES.items() if head.startswith(magic)), None)
 
 
