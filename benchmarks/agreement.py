@@ -4,10 +4,10 @@ Run it from the repository's root::
 
     python -m benchmarks.agreement [--seconds 90] [--logs office intel aces] [--seeds 1 2]
 
-Of each log but the office, one scan in ten is used. For every seed it tells R-hat and effective samples of the log
+Of each log but the office, one scan in ten is used. For every seed it prints R-hat and effective samples of the log
 likelihood, the worst effective samples of a seen colour that is watched, and on how much of the seen ground chains
 agree: cells, drawn at random, whose colour has R-hat below 1.1 over the draws, or is the same in all chains. For the
-first two seeds it tells besides by how much their images differ on seen cells.
+first two seeds it also prints by how much their images differ on seen cells.
 """
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ def differences(first: Path, second: Path) -> dict[str, float]:
     return {"image_mean": float(np.nanmean(apart)), "image_far": float(np.nanmean(apart > FAR))}
 
 
-def told(value: Any) -> str:
+def reported(value: Any) -> str:
     """Return a value, with four digits if it has a fraction."""
     return f"{value:.4g}" if isinstance(value, float) else str(value)
 
@@ -104,11 +104,12 @@ def main() -> None:
             how: dict[str, Any] = {"laser": log, "every_scan": every, "seed": seed, "threads": options.threads}
             made("sample", folder, time_budget=budget, **how)
             row = {"log": name, "seed": seed, **row_of(folder)}
-            print("  ".join(f"{key} {told(value)}" for key, value in row.items()), flush=True)
+            print("  ".join(f"{key} {reported(value)}" for key, value in row.items()), flush=True)
         if len(folders) > 1:
             apart = differences(*folders[:2])
             print(
-                f"{name}, both seeds: " + "  ".join(f"{key} {told(value)}" for key, value in apart.items()), flush=True
+                f"{name}, both seeds: " + "  ".join(f"{key} {reported(value)}" for key, value in apart.items()),
+                flush=True,
             )
 
 

@@ -38,7 +38,7 @@ KNOWN = {
     "passes": ("pass_id",),
     "nothing": (),
 }
-"""What a map tells of when it was seen, by the fields that are kept."""
+"""What a map records of when it was seen, by the fields that are kept."""
 
 
 ERRORS = {
@@ -109,15 +109,15 @@ def chosen(case: Case, patches: Patches) -> np.ndarray:
 
 
 def measure(case: Case) -> dict[str, list[Judged]]:
-    """Return, by what a map tells, the causes of its displaced patches, whether or not a model finds these."""
+    """Return, by what a map records, the causes of its displaced patches, whether or not a model finds these."""
     patches = label_from_field(segment(case.cloud), case.field, case.name)[0]
     right = (patches.label == SUSPICIOUS) & chosen(case, patches)
     found, truth = {}, true_metres(patches)
     for name, fields in KNOWN.items():
         if set(fields) <= set(case.cloud.fields):
-            told = replace(case.cloud, fields={field: case.cloud.fields[field] for field in fields})
-            features = patch_features(replace(patches, cloud=told), FeatureSettings(context=("moments",)))
-            causes = find_causes(patches, features, right, visits_of(told))
+            reported = replace(case.cloud, fields={field: case.cloud.fields[field] for field in fields})
+            features = patch_features(replace(patches, cloud=reported), FeatureSettings(context=("moments",)))
+            causes = find_causes(patches, features, right, visits_of(reported))
             found[name] = [Judged(cause, truth[patch], features.disagreement[patch]) for patch, cause in causes.items()]
     return found
 
@@ -146,7 +146,7 @@ def main() -> None:
                 row.update(each.cause.kind for each in found)
                 metres += [(each.truth, *each.measured) for each in found if each.cause.kind == case.cause]
     for known, rows in table.items():
-        print(f"the map tells: {known}")
+        print(f"the map records: {known}")
         print(f"  {'':42}{'truth':>22}" + "".join(f"{kind:>22}" for kind in CAUSES))
         for name, row in rows.items():
             print(f"  {name:42}{truth[name]:>22}" + "".join(f"{row[kind]:>22}" for kind in CAUSES))

@@ -139,14 +139,14 @@ def sampled(log: Log, size: str, density: float | None, folder: Path, options: a
     command = [sys.executable, "-m", "prf", "sample", *words, "--force", "--json", "--no-progress"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, cwd=commands.ROOT) as child:
         assert child.stdout is not None
-        told = child.stdout.read()
+        reported = child.stdout.read()
         _, status, usage = os.wait4(child.pid, 0)
         child.returncode = os.waitstatus_to_exitcode(status)
     if child.returncode != 0:
         raise SystemExit(child.returncode)
     scores = commands.prf("score", folder, laser=log.path, scans=HELD_OUT, seed=options.seed)
     # Linux counts in kB.
-    return {"peak_gb": usage.ru_maxrss / 1e6, "sampling": json.loads(told), "score": scores}
+    return {"peak_gb": usage.ru_maxrss / 1e6, "sampling": json.loads(reported), "score": scores}
 
 
 def table(rows: list[dict[str, Any]]) -> str:

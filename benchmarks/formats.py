@@ -60,8 +60,8 @@ def show_folder(folder: Path) -> None:
             seconds += time.process_time() - start
             n_points += len(cloud)
             same &= comes_back(cloud)
-        told = refused or ("yes" if same else "NO")
-        print(f"{name:<44}{len(paths):>7}{n_points:>12,}{seconds:>9.2f}  {told}")
+        reported = refused or ("yes" if same else "NO")
+        print(f"{name:<44}{len(paths):>7}{n_points:>12,}{seconds:>9.2f}  {reported}")
 
 
 def groups(folder: Path) -> Iterator[tuple[str, list[Path]]]:
@@ -113,8 +113,8 @@ def show_large(n_points: int) -> None:
             else:
                 write_cloud(path, cloud)
             command = [sys.executable, "-m", "benchmarks.formats", "--peak", str(path)]
-            told = subprocess.run(command, capture_output=True, text=True, check=True).stdout
-            seconds, peak, arrays = map(float, told.split())
+            reported = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+            seconds, peak, arrays = map(float, reported.split())
             size = path.stat().st_size / 1e6
             print(f"{name:<8}{size:>8.0f}{n_points / seconds / 1e6:>26.2f}{peak:>10.0f}{arrays:>11.0f}")
             path.unlink()

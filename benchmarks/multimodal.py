@@ -139,8 +139,8 @@ def readings_of(draws: Draws) -> NDArray[np.int64]:
 
 def changes(reading: NDArray[np.int64]) -> int:
     """Return how often draws in their order go from one reading to the other; those that are neither do not count."""
-    told = reading[reading != NEITHER]
-    return int((np.diff(told) != 0).sum())
+    reported = reading[reading != NEITHER]
+    return int((np.diff(reported) != 0).sum())
 
 
 def sampled(temperatures: int, steps: int, seed: int, chains: int = CHAINS) -> Result:

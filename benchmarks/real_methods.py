@@ -87,7 +87,7 @@ def models_from_simulation() -> dict[str, Model]:
 
 
 def say(patches: Patches, name: str, model: Model) -> Labels:
-    """Return what a model says of patches; its name tells whether it may know of scans."""
+    """Return the labels of patches by a model; its name shows whether it may use scans."""
     if len(patches) == 0:
         return Labels(np.zeros(0, np.uint8), np.zeros(0))
     patches = patches if KNOWN in name else without_scans(patches)

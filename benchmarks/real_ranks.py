@@ -30,7 +30,7 @@ from mapq.results.evaluate import score_labels
 from mapq.segmentation import segment
 
 LARGEST = (1.0, 2.0)
-"""Metres and degrees; sizes grow with the square of an even draw, so that small errors are as well told apart."""
+"""Metres and degrees; sizes grow with the square of an even draw, so that small errors are as well distinguished."""
 RIGHT = 5
 """Of the maps of a set: those with no error at all."""
 

@@ -43,12 +43,18 @@ def curve(log: Path, scans: str, way: str, options: argparse.Namespace) -> list[
         if not rows:
             folder.parent.mkdir(parents=True, exist_ok=True)
             start = {**how, **common, "laser": log, "seed": options.seed, "output": folder}
-            told = prf("sample", "--force", **start, **WAYS[way])
+            reported = prf("sample", "--force", **start, **WAYS[way])
         else:
-            told = prf("sample", resume=folder, **common)
-        spent += told["seconds"]
+            reported = prf("sample", resume=folder, **common)
+        spent += reported["seconds"]
         found = scored(folder, log, options.log, options.seed)
-        row = {"map": way, "beams": told["n_beams"], "seconds": spent, "steps": told["steps"], "chains": told["chains"]}
+        row = {
+            "map": way,
+            "beams": reported["n_beams"],
+            "seconds": spent,
+            "steps": reported["steps"],
+            "chains": reported["chains"],
+        }
         rows.append({**row, **{key: found[key] for key in COLUMNS}})
         say(f"{way}, {spent:.0f} s: beam_nll {found['beam_nll']:.3f}")
     return rows

@@ -136,8 +136,8 @@ def summary(tables: dict[str, list[dict[str, Any]]]) -> str:
         cells = [title, cell("rhat", own["rhat"])]
         for name, sign in SUMMARY.items():
             rival = min((row for row in rows if "PRF" not in row["map"]), key=lambda row: sign * row[name])
-            told = f"{cell(name, rival[name])} ({rival['map']})"
-            cells.append(f"{cell(name, own[name])}, {told}")
+            reported = f"{cell(name, rival[name])} ({rival['map']})"
+            cells.append(f"{cell(name, own[name])}, {reported}")
         lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines) + "\n"
 

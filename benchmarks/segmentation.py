@@ -94,7 +94,7 @@ def show_stages(city: City) -> None:
 
 
 class StageClock:
-    """A reporter of progress that measures the CPU seconds between the stages it is told of."""
+    """A reporter of progress that measures the CPU seconds between the stages reported to it."""
 
     def __init__(self) -> None:
         self.seconds: dict[str, float] = {}

@@ -5,7 +5,7 @@ Run it from the repository's root::
     python -m benchmarks.sonar [--quick] [--minutes M] [-o FOLDER]
 
 An office of 60 x 40 m and the drive through it come from `prf simulate`; `prf sample` then runs until its stop rule is
-met, or for the minutes given. How far the image is from settled is told besides by the chains' own images.
+met, or for the minutes given. How far the image is from settled is also shown by the chains' own images.
 """
 
 from __future__ import annotations

@@ -71,8 +71,8 @@ def make_map(seed: int, settings: Settings | None = None) -> Patches:
 
 def without_passes(patches: Patches) -> Patches:
     """Return the patches without the fields that say when and from where their points were seen."""
-    told = (SCAN, TIME, PASS, *TO_SENSOR)
-    kept = {name: values for name, values in patches.cloud.fields.items() if name not in told}
+    reported = (SCAN, TIME, PASS, *TO_SENSOR)
+    kept = {name: values for name, values in patches.cloud.fields.items() if name not in reported}
     return dataclasses.replace(patches, cloud=dataclasses.replace(patches.cloud, fields=kept))
 
 
