@@ -82,7 +82,7 @@ def differences(first: Path, second: Path) -> dict[str, float]:
     return {"image_mean": float(np.nanmean(apart)), "image_far": float(np.nanmean(apart > FAR))}
 
 
-def reported(value: Any) -> str:
+def shown(value: Any) -> str:
     """Return a value, with four digits if it has a fraction."""
     return f"{value:.4g}" if isinstance(value, float) else str(value)
 
@@ -104,11 +104,11 @@ def main() -> None:
             how: dict[str, Any] = {"laser": log, "every_scan": every, "seed": seed, "threads": options.threads}
             made("sample", folder, time_budget=budget, **how)
             row = {"log": name, "seed": seed, **row_of(folder)}
-            print("  ".join(f"{key} {reported(value)}" for key, value in row.items()), flush=True)
+            print("  ".join(f"{key} {shown(value)}" for key, value in row.items()), flush=True)
         if len(folders) > 1:
             apart = differences(*folders[:2])
             print(
-                f"{name}, both seeds: " + "  ".join(f"{key} {reported(value)}" for key, value in apart.items()),
+                f"{name}, both seeds: " + "  ".join(f"{key} {shown(value)}" for key, value in apart.items()),
                 flush=True,
             )
 

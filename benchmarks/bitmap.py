@@ -129,7 +129,7 @@ def one_bitmap(truth: Bits, seed: int, options: argparse.Namespace) -> tuple[dic
     cut = best_of(cuts, truth)
     start = time.process_time()
     image, best, rhat = by_maps(noisy, seed, options.scale, options.steps, options.threads)
-    reported = image.occupancy > 0.5
+    is_black = image.occupancy > 0.5
     given_true = np.where(truth, image.occupancy, 1.0 - image.occupancy)
     row = {
         "seed": seed,
@@ -138,7 +138,7 @@ def one_bitmap(truth: Bits, seed: int, options: argparse.Namespace) -> tuple[dic
         "filter": filtered[1],
         "graph cut": cut[0],
         "coupling": cut[1],
-        "polygonal maps": wrong(reported, truth),
+        "polygonal maps": wrong(is_black, truth),
         "brier": float(((1.0 - given_true) ** 2).mean()),
         "rhat": rhat,
         "cpu_seconds": time.process_time() - start,
@@ -149,7 +149,7 @@ def one_bitmap(truth: Bits, seed: int, options: argparse.Namespace) -> tuple[dic
         "cut": cut[2],
         "image": image,
         "best": best,
-        "reported": reported,
+        "is_black": is_black,
     }
 
 
@@ -185,7 +185,7 @@ def picture(truth: Bits, row: dict[str, Any], drawn: dict[str, Any], target: Pat
         panel(drawn["filtered"], f"median filter {row['filter']}: {share['median filter']}"),
         panel(drawn["cut"], f"Ising, {row['coupling']}: {share['graph cut']}"),
         panel(drawn["image"].occupancy, "posterior mean, best draw", drawn["best"]),
-        panel(drawn["reported"], f"posterior mean cut at 1/2: {share['polygonal maps']}"),
+        panel(drawn["is_black"], f"posterior mean cut at 1/2: {share['polygonal maps']}"),
     ]
     panels.save_page(
         target,

@@ -43,17 +43,17 @@ def curve(log: Path, scans: str, way: str, options: argparse.Namespace) -> list[
         if not rows:
             folder.parent.mkdir(parents=True, exist_ok=True)
             start = {**how, **common, "laser": log, "seed": options.seed, "output": folder}
-            reported = prf("sample", "--force", **start, **WAYS[way])
+            run = prf("sample", "--force", **start, **WAYS[way])
         else:
-            reported = prf("sample", resume=folder, **common)
-        spent += reported["seconds"]
+            run = prf("sample", resume=folder, **common)
+        spent += run["seconds"]
         found = scored(folder, log, options.log, options.seed)
         row = {
             "map": way,
-            "beams": reported["n_beams"],
+            "beams": run["n_beams"],
             "seconds": spent,
-            "steps": reported["steps"],
-            "chains": reported["chains"],
+            "steps": run["steps"],
+            "chains": run["chains"],
         }
         rows.append({**row, **{key: found[key] for key in COLUMNS}})
         say(f"{way}, {spent:.0f} s: beam_nll {found['beam_nll']:.3f}")

@@ -121,14 +121,14 @@ def judged(drive: Drive, case: Case, folder: Path, options: argparse.Namespace) 
     rows = np.searchsorted(scan, table[:, 0].astype(np.int64))
     truth = drive.truth[scan[rows]]
     mean, sd = table[:, 2:5], table[:, 5:8]
-    reported = {name: result[name] for name in ("steps", "seconds", "converged", "reason")}
+    run = {name: result[name] for name in ("steps", "seconds", "converged", "reason")}
     return {
         "n_poses": len(table),
         "given": errors(given[rows], truth),
         "scans matched": {**errors(agreed[rows], truth), "seconds": seconds},
         "posterior mean": {
             **errors(mean, truth),
-            **reported,
+            **run,
             "held": held(mean, sd, truth),
             "mean_sd": sd.mean(axis=0),
         },
