@@ -149,7 +149,7 @@ class PoseOptions(Table):
 
     @property
     def step_noise(self) -> tuple[float, float, float, float] | None:
-        """The four numbers of the odometry; None where the given poses are none."""
+        """The four numbers of the odometry; None where the given poses are not odometry."""
         return self.odometry_noise or (None if self.odometry is None else ODOMETRY[self.odometry])
 
 
@@ -281,7 +281,7 @@ class Configuration(Tree):
         values = self.model_dump(exclude_none=True)
         for name, value in changes.items():
             if name not in places:
-                raise ArgumentError(f"{name}: there is no such setting.")
+                raise ArgumentError(f"{name}: unknown setting.")
             table, each = places[name].split(".")
             values[table][each] = value
         return build(type(self), values, {place: name for name, place in places.items()}, ArgumentError)

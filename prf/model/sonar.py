@@ -84,7 +84,7 @@ def make_poses(
     `origin` (n, 2): sensor positions inside the window, metres. `angle` (n,): directions in the world frame, radians.
     `cone` (n,): full fields of view, radians. `readings` (n,): metres; inf or at least the maximum range: no return.
     `window`: where the map ends. What returns a pulse from beyond the distance at which the cone leaves it may be
-    outside: the sonar reaches up to there, and farther readings are no returns (docs/sensor-models.md). None: no end.
+    outside: the sonar reaches up to there, and farther readings are no return (docs/sensor-models.md). None: no end.
     """
     if np.any(~(cone > 0.0) | ~(cone < math.pi)):
         raise ConfigError("sonar cone: the field of view must lie between 0 and pi radians")

@@ -28,7 +28,7 @@ FILES = (names.MANIFEST, names.CHECKPOINT, names.PICTURE, names.TRAJECTORY, *nam
 def write_run(path: str | os.PathLike[str], run: RunData) -> None:
     """Write all parts of `run` that are not None into the directory `path`, which is made if need be.
 
-    Each file is replaced whole; the manifest is written last, so that a directory without one is no run yet. Files of
+    Each file is replaced whole; the manifest is written last, so a directory without one is not yet a run. Files of
     other names (a checkpoint, pictures) are left alone. Whether an existing run may be replaced is the caller's
     decision.
     """

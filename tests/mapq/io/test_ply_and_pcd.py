@@ -78,7 +78,7 @@ def test_integer_coordinates_are_taken_as_they_are(tmp_path):
         ((b"property char field_i1", b"property list uchar int seen"), "lists in or before the vertices"),
         ((b"property float y", b"property quad y"), ":6: 'property quad y' does not belong into a PLY header"),
         ((b"end_header", b"end_heade"), "header does not end"),
-        ((b"vertex 50", b"vertex -50"), ":4: 'element vertex -50' is no line"),
+        ((b"vertex 50", b"vertex -50"), ":4: 'element vertex -50' does not belong"),
         ((b"vertex 50", b"vertex 51"), "damaged or cut off"),
         ((b"vertex 50", b"vertex 0"), "no points"),
         ((b"format binary_little_endian 1.0", b"comment"), "has no format line"),
