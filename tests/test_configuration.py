@@ -43,7 +43,7 @@ def test_manifests_keep_it_under_flat_names() -> None:
         ({"driven_poses": "some"}, "driven_poses"),
         ({"temperatures": 2, "tiles": 4}, "tiles: tempered chains"),
         ({"temperatures": "auto", "tiles": 4}, "tiles: tempered chains"),
-        ({"nose": 1}, "nose: there is no such setting"),
+        ({"nose": 1}, "nose: unknown setting"),
     ],
 )
 def test_what_cannot_be_is_refused(values: dict[str, object], words: str) -> None:
