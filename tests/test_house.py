@@ -14,6 +14,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = ("prf", "mapq")
+SOURCES = (*PACKAGES, "benchmarks", "docs")
 MODULE_LINES, FUNCTION_LINES = 400, 60
 """At most; a docstring is not counted among the lines of its function."""
 HEAVY = {"numba", "scipy", "sklearn", "matplotlib", "shapely"}
@@ -67,6 +68,11 @@ def imported(name: str, package: str, at_import: bool = False) -> set[str]:
     return found
 
 
+def import_graph(package: str) -> Graph:
+    """Return what each module imports of its own package, inside functions too."""
+    return {name: (imported(name, package) & modules(package).keys()) - {name} for name in modules(package)}
+
+
 def circles(graph: Graph) -> list[list[str]]:
     """Return the sets of modules that reach each other (Tarjan's strongly connected components)."""
     order: dict[str, int] = {}
@@ -118,18 +124,23 @@ def reached(start: str, package: str) -> set[str]:
     return seen
 
 
+@package_by_package
+def test_no_modules_import_each_other_in_a_circle(package: str) -> None:
+    assert circles(import_graph(package)) == []
+
+
 def test_a_circle_is_found() -> None:
     graph = {"a": {"b"}, "b": {"c"}, "c": {"b", "d"}, "d": set()}
     assert circles(graph) == [["b", "c"]]
 
 
-@pytest.mark.parametrize("folder", [*PACKAGES, "benchmarks", "docs"])
+@pytest.mark.parametrize("folder", SOURCES)
 def test_modules_are_short(folder: str) -> None:
     lines = {name: len(path.read_text().splitlines()) for name, (path, _) in modules(folder).items()}
     assert {name: n for name, n in lines.items() if n > MODULE_LINES} == {}
 
 
-@pytest.mark.parametrize("folder", ["benchmarks", "data", "docs"])
+@pytest.mark.parametrize("folder", ["prf", "benchmarks", "data", "docs", "tests"])
 def test_functions_are_short(folder: str) -> None:
     functions = {
         f"{name}.{node.name}": function_lines(node)
