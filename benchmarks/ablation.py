@@ -13,9 +13,7 @@ import json
 import numpy as np
 
 from benchmarks.table2 import MANY, PLAIN, TEST_SEEDS, TRAIN_SEEDS, Row, line, make_map, run
-from mapq.crf import TrainSettings
-from mapq.features import FeatureSettings
-from mapq.features.settings import CONTEXTS
+from mapq.configuration import CONTEXTS, FeatureSettings, TrainSettings
 
 ALL, LITERAL = FeatureSettings(), FeatureSettings(reading="literal")
 
@@ -27,12 +25,12 @@ ROWS = (
     ),
     Row("no passes known", ALL, TrainSettings()),
     Row("no context", PLAIN, TrainSettings()),
-    Row("not watched", FeatureSettings(n_watched=0), TrainSettings(), True),
+    Row("not watched", FeatureSettings(watched=0), TrainSettings(), True),
     Row("literal features", LITERAL, TrainSettings(), True),
     Row("no edges", ALL, TrainSettings(edge_model="none"), True),
     Row("max-margin", ALL, TrainSettings(objective="max-margin"), True),
-    Row("unweighted", ALL, TrainSettings(balanced=False), True),
-    Row("  max-margin", ALL, TrainSettings(balanced=False, objective="max-margin"), True),
+    Row("unweighted", ALL, TrainSettings(class_weight="none"), True),
+    Row("  max-margin", ALL, TrainSettings(class_weight="none", objective="max-margin"), True),
 )
 
 

@@ -19,15 +19,16 @@ from typing import NamedTuple
 import numpy as np
 
 from mapq.cloud import PointCloud
-from mapq.features import FeatureSettings, patch_features
+from mapq.configuration import FeatureSettings, PerturbSettings, SimulateSettings
+from mapq.features import patch_features
 from mapq.labels import NO_PATCH, SUSPICIOUS
 from mapq.patches import Patches, label_from_field
-from mapq.perturb import PoseErrors, build, displaced
+from mapq.perturb import build, displaced
 from mapq.posed import PosedScans
 from mapq.results.causes import CAUSES, LOCAL, MISSED_LOOP, Cause, find_causes
 from mapq.results.visits import visits_of
 from mapq.segmentation import segment
-from mapq.simulate import Settings, simulate
+from mapq.simulate import simulate
 
 SCAN_SECONDS = 2.8
 """Two nods of the laser."""
@@ -42,10 +43,10 @@ KNOWN = {
 
 
 ERRORS = {
-    ("missed loop, 0.5 m and 1 degree", MISSED_LOOP): PoseErrors(missed_loop=(0.5, 1.0)),
-    ("missed loop, 1 m", MISSED_LOOP): PoseErrors(missed_loop=(1.0, 0.0)),
-    ("offsets of scans, 0.3 m", LOCAL): PoseErrors(offset=0.3),
-    ("turns of scans, 1 degree", LOCAL): PoseErrors(yaw=1.0),
+    ("missed loop, 0.5 m and 1 degree", MISSED_LOOP): PerturbSettings(missed_loop=(0.5, 1.0)),
+    ("missed loop, 1 m", MISSED_LOOP): PerturbSettings(missed_loop=(1.0, 0.0)),
+    ("offsets of scans, 0.3 m", LOCAL): PerturbSettings(offset=0.3),
+    ("turns of scans, 1 degree", LOCAL): PerturbSettings(yaw=1.0),
 }
 LATE = 0.8
 """Share of the drive after which, in the map with both, scans have offsets: it is then past the block for good."""
@@ -86,7 +87,7 @@ def cut(cloud: PointCloud, seconds: float) -> PosedScans:
 
 def cases(seed: int, n_points: int) -> Iterator[Case]:
     """Yield maps whose causes are known."""
-    scans = cut(simulate(Settings(n_points=n_points, drift=0.0), seed), SCAN_SECONDS)
+    scans = cut(simulate(SimulateSettings(n_points=n_points, drift=0.0), seed), SCAN_SECONDS)
     for (name, cause), error in ERRORS.items():
         yield Case(name, cause, "suspicious", build(scans, error, seed=seed).cloud)
     late = int(LATE * len(scans))
@@ -95,7 +96,7 @@ def cases(seed: int, n_points: int) -> Iterator[Case]:
     both = build(scans.with_poses(poses, "both"), reference=scans.poses).cloud
     for cause in (MISSED_LOOP, LOCAL):
         yield Case(f"both in one map, {cause}", cause, "suspicious", both, late)
-    yield Case("drift of odometry, two laps", MISSED_LOOP, "truth", simulate(Settings(n_points=n_points), seed))
+    yield Case("drift of odometry, two laps", MISSED_LOOP, "truth", simulate(SimulateSettings(n_points=n_points), seed))
 
 
 def chosen(case: Case, patches: Patches) -> np.ndarray:

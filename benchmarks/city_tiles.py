@@ -24,11 +24,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mapq.configuration import SIZES, SimulateSettings
 from mapq.io import read_cloud, write_cloud
 from mapq.labels import UNLABELLED
 from mapq.results.result import assess
 from mapq.segmentation import segment
-from mapq.simulate import SIZES, Settings, simulate
+from mapq.simulate import simulate
 from mapq.simulate.city import POINTS_OF_TILE, write_city
 
 SEED = 7
@@ -174,7 +175,7 @@ def drives(arguments: argparse.Namespace) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for seed in DRIVES:
         path = arguments.folder / f"drive_{seed}.ply"
-        write_cloud(path, simulate(Settings(**SIZES["small"]), seed))
+        write_cloud(path, simulate(SimulateSettings(**SIZES["small"]), seed))
         cloud = read_cloud(str(path))
         plain = assess(segment(cloud))
         label = np.append(plain.labelling.label, np.uint8(UNLABELLED))[plain.patches.patch]

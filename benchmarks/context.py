@@ -20,16 +20,17 @@ from numpy.typing import NDArray
 
 from benchmarks.drawn_labels import draw_labels
 from benchmarks.table2 import MANY, PLAIN, TRAIN_SEEDS, Row, make_map, seen
-from mapq.crf import TrainSettings, classify
+from mapq.configuration import CONTEXTS, FeatureSettings, SimulateSettings, TrainSettings
+from mapq.crf import classify
 from mapq.crf.cross_validation import train
 from mapq.crf.train import TrainingMap
-from mapq.features import FeatureSettings, patch_features
-from mapq.features.settings import CONTEXTS, feature_settings
+from mapq.features import patch_features
+from mapq.features.compute import feature_settings
 from mapq.io.models import read_default_model
 from mapq.labels import SUSPICIOUS
 from mapq.model import Model
 from mapq.patches import Patches
-from mapq.simulate import Kind, Settings
+from mapq.simulate import Kind
 from mapq.training import N_REGIONS, region_size, regions_of
 
 TRAIN_CLEAN_SEEDS = (51, 52)
@@ -127,11 +128,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--json", action="store_true", help="print all numbers as JSON")
     as_json = parser.parse_args().json
-    clean = Settings(look_alikes=LOOK_ALIKES, drift=0.0)
+    clean = SimulateSettings(look_alikes=LOOK_ALIKES, drift=0.0)
     train_maps = [make_map(seed) for seed in TRAIN_SEEDS] + [make_map(seed, clean) for seed in TRAIN_CLEAN_SEEDS]
     worlds = {
         "without drift": [make_map(seed, clean) for seed in CLEAN_SEEDS],
-        "with drift": [make_map(seed, Settings(look_alikes=LOOK_ALIKES)) for seed in DRIFTED_SEEDS],
+        "with drift": [make_map(seed, SimulateSettings(look_alikes=LOOK_ALIKES)) for seed in DRIFTED_SEEDS],
     }
     models = {row.name: (row, teach(row, seen(row, train_maps))) for row in ROWS} | shipped_rows()
     rows = [run(row, model, worlds) for row, model in models.values()]

@@ -26,7 +26,8 @@ import numpy as np
 
 from benchmarks.real_data import DATA
 from mapq.cloud import PointCloud
-from mapq.io import ReadOptions, read_cloud, write_cloud
+from mapq.configuration import ReadOptions
+from mapq.io import read_cloud, write_cloud
 from prf.shell.errors import PrfError
 
 ENDS = (".pcd", ".ply", ".las", ".laz", ".e57", ".ptx", ".npy", ".csv", ".bin", ".bin.gz", ".3d.gz", ".xyz")

@@ -10,10 +10,11 @@ import numpy as np
 
 from benchmarks.commands import ROOT
 from mapq.cloud import PointCloud
-from mapq.io import ReadOptions, read_cloud
+from mapq.configuration import FindSettings, ReadOptions
+from mapq.io import read_cloud
 from mapq.labels import FROM_FIELD, NO_PATCH, PLAUSIBLE
 from mapq.patches import Patches, label_from_field
-from mapq.posed import FindSettings, PosedScans, find_scans
+from mapq.posed import PosedScans, find_scans
 from mapq.segmentation import segment
 from prf.shell.poses.files import read_pose_file
 
@@ -70,9 +71,7 @@ def kitti(data: Path, published: bool = False) -> PosedScans:
 
 def quad(data: Path) -> PosedScans:
     """Return five scans of New College, the points of planes alone."""
-    return find_scans(
-        [str(data / "newer_college_01")], FindSettings(pattern="planes_*", options=ReadOptions(bin_columns=3))
-    )
+    return find_scans([str(data / "newer_college_01")], FindSettings(pattern="planes_*"), ReadOptions(bin_columns=3))
 
 
 def hall(data: Path) -> PosedScans:

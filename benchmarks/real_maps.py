@@ -29,12 +29,13 @@ from benchmarks.real_methods import (
     train_on,
 )
 from benchmarks.split import split_by_place
+from mapq.configuration import MergeSettings
 from mapq.crf.calibration import with_false_alarms
 from mapq.io.models import read_default_model
 from mapq.model import Model
 from mapq.patches import Patches
 from mapq.perturb import build
-from mapq.posed import MergeSettings, PosedScans
+from mapq.posed import PosedScans
 from mapq.results.evaluate import Scores
 
 TEST_SHARE, BUFFER = 0.45, 40.0
@@ -47,7 +48,7 @@ Say = Callable[[str], None]
 def park(data: Path, models: dict[str, Model], say: Say) -> dict[str, Any]:
     """Part 1."""
     scans = real_data.park(data)
-    built = build(scans, settings=MergeSettings(submaps=True))
+    built = build(scans, merging=MergeSettings(submaps=True))
     parts = split_by_place(built.cloud, TEST_SHARE, BUFFER, axis=0)
     drifted = {"train": real_data.labelled(parts.train), "test": real_data.labelled(parts.test)}
     single = {name: real_data.alone(scans, parts.axis, parts.strip, name == "test") for name in drifted}

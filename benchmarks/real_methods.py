@@ -3,23 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from mapq.crf import TrainSettings, classify
+from mapq.configuration import FeatureSettings, SimulateSettings, TrainSettings
+from mapq.crf import classify
 from mapq.crf.cross_validation import train
 from mapq.crf.train import TrainingMap
-from mapq.features import FeatureSettings, patch_features
-from mapq.features.settings import feature_settings
+from mapq.features import patch_features
+from mapq.features.compute import feature_settings
 from mapq.io.models import read_default_model
 from mapq.labels import PLAUSIBLE, SUSPICIOUS, UNLABELLED
 from mapq.model import Model
 from mapq.patches import Patches, label_from_field
 from mapq.results.evaluate import Scores, score_labels
 from mapq.segmentation import segment
-from mapq.simulate import Settings, simulate
+from mapq.simulate import simulate
 from mapq.training import N_REGIONS, region_size, regions_of
 
 SIMULATED = ((101, 0.010, 1.0), (104, 0.030, 1.0), (109, 0.050, 1.5))
@@ -40,9 +41,11 @@ class Method(NamedTuple):
 
 
 METHODS = {
-    "nodes only": Method(FeatureSettings(context=()), TrainSettings(edge_model="none", balanced=False)),
-    "paper-literal": Method(FeatureSettings(reading="literal"), TrainSettings(edge_model="symmetric", balanced=False)),
-    "default": Method(FeatureSettings(), TrainSettings(balanced=False)),
+    "nodes only": Method(FeatureSettings(context=()), TrainSettings(edge_model="none", class_weight="none")),
+    "paper-literal": Method(
+        FeatureSettings(reading="literal"), TrainSettings(edge_model="symmetric", class_weight="none")
+    ),
+    "default": Method(FeatureSettings(), TrainSettings(class_weight="none")),
 }
 
 
@@ -57,7 +60,7 @@ def simulated_maps() -> list[Patches]:
     """Return labelled patches of simulated maps."""
     maps = []
     for seed, noise, drift in SIMULATED:
-        settings = Settings(n_points=N_POINTS, noise=noise, drift=drift, disagreement=max(0.05, 3.3 * noise))
+        settings = SimulateSettings(n_points=N_POINTS, noise=noise, drift=drift, disagreement=max(0.05, 3.3 * noise))
         maps.append(label_from_field(segment(simulate(settings, seed)), "truth", f"seed {seed}")[0])
     return maps
 
@@ -76,7 +79,7 @@ def train_on(maps: Sequence[Patches], name: str) -> Model:
     regions = regions_of(maps, labels, region_size(labels, N_REGIONS))
     rows = zip(maps, labels, regions, strict=True)
     prepared = [TrainingMap(patch_features(p, method.features), label, region) for p, label, region in rows]
-    return replace(train(prepared, method.settings).model, features=asdict(method.features))
+    return replace(train(prepared, method.settings).model, features=method.features.stored())
 
 
 def models_from_simulation() -> dict[str, Model]:

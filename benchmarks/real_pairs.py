@@ -17,7 +17,8 @@ from benchmarks import real_data
 from benchmarks.entropies import entropies
 from benchmarks.real_methods import say
 from mapq.cloud import PointCloud
-from mapq.features import FeatureSettings, patch_features
+from mapq.configuration import FeatureSettings
+from mapq.features import patch_features
 from mapq.labels import SUSPICIOUS
 from mapq.model import Model
 from mapq.patches import Patches

@@ -20,11 +20,12 @@ from scipy.stats import spearmanr
 from benchmarks import real_data
 from benchmarks.map_metrics import map_metrics
 from benchmarks.real_methods import models_from_simulation, say
+from mapq.configuration import PerturbSettings
 from mapq.features import measure_shapes
 from mapq.labels import SUSPICIOUS
 from mapq.model import Model
-from mapq.perturb import PoseErrors, build
-from mapq.perturb.label import Rule, label_points
+from mapq.perturb import build
+from mapq.perturb.build import label_points
 from mapq.posed import PosedScans
 from mapq.results.evaluate import score_labels
 from mapq.segmentation import segment
@@ -41,7 +42,7 @@ def measure(scans: PosedScans, models: dict[str, Model], n_maps: int) -> dict[st
     patches: dict[str, list[np.ndarray]] = {}
     for seed in range(n_maps):
         size = 0.0 if seed < RIGHT else float(np.random.default_rng(seed).random() ** 2)
-        error = PoseErrors(missed_loop=(size * LARGEST[0], size * LARGEST[1]))
+        error = PerturbSettings(missed_loop=(size * LARGEST[0], size * LARGEST[1]))
         found = segment(build(scans, error, reference=scans.poses, seed=seed).cloud)
         metres = np.asarray(found.cloud.fields["disagreement"], np.float64)
         inside = metres[(found.patch >= 0) & np.isfinite(metres)]
@@ -51,7 +52,7 @@ def measure(scans: PosedScans, models: dict[str, Model], n_maps: int) -> dict[st
             "mean map entropy": metrics.mean_map_entropy,
             "mean plane variance": metrics.mean_plane_variance,
         }
-        patches.setdefault("truth", []).append(label_points(real_data.disagreement_of(found), Rule()))
+        patches.setdefault("truth", []).append(label_points(real_data.disagreement_of(found), PerturbSettings()))
         for name, model in models.items():
             said = say(found, name, model)
             row[f"{name}: suspicious area"] = float(area[said.label == SUSPICIOUS].sum() / area.sum())

@@ -17,16 +17,17 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from benchmarks.drawn_labels import draw_labels
-from mapq.crf import TrainSettings, classify
+from mapq.configuration import FeatureSettings, SimulateSettings, TrainSettings
+from mapq.crf import classify
 from mapq.crf.cross_validation import train
 from mapq.crf.train import TrainingMap
-from mapq.features import FeatureSettings, patch_features
+from mapq.features import patch_features
 from mapq.features.provenance import PASS, SCAN, TIME, TO_SENSOR
 from mapq.features.table import PatchFeatures
 from mapq.patches import Patches, label_from_field
 from mapq.results.evaluate import Scores, score_labels
 from mapq.segmentation import segment
-from mapq.simulate import Settings, simulate
+from mapq.simulate import simulate
 from mapq.training import N_REGIONS, region_size, regions_of
 
 TRAIN_SEEDS = (1, 2, 3, 4, 5, 6)
@@ -54,18 +55,18 @@ ROWS = (
     Row("paper-literal", FeatureSettings(reading="literal"), TrainSettings(edge_model="symmetric")),
     Row("safe, symmetric", PLAIN, TrainSettings(edge_model="symmetric")),
     Row("nodes only", PLAIN, TrainSettings(edge_model="none")),
-    Row("paper's 4 neighbours", FeatureSettings(n_watched=0, context=()), TrainSettings()),
+    Row("paper's 4 neighbours", FeatureSettings(watched=0, context=()), TrainSettings()),
     Row("without context", PLAIN, TrainSettings()),
     Row("default", FeatureSettings(), TrainSettings()),
-    Row("default, unweighted", FeatureSettings(), TrainSettings(balanced=False)),
+    Row("default, unweighted", FeatureSettings(), TrainSettings(class_weight="none")),
     Row("default, max-margin", FeatureSettings(), TrainSettings(objective="max-margin")),
     Row("default, passes known", FeatureSettings(), TrainSettings(), True),
 )
 
 
-def make_map(seed: int, settings: Settings | None = None) -> Patches:
+def make_map(seed: int, settings: SimulateSettings | None = None) -> Patches:
     """Simulate, segment and label the map of a seed."""
-    patches = segment(simulate(settings or Settings(), seed))
+    patches = segment(simulate(settings or SimulateSettings(), seed))
     return label_from_field(patches, "truth", f"seed {seed}")[0]
 
 
@@ -130,7 +131,7 @@ def main() -> None:
     results = {(row.name, n): run(row, train_maps, test_maps, n) for n in (FEW, MANY) for row in ROWS}
     if as_json:
         rows = [
-            {"name": name, "features": dataclasses.asdict(r.features), **results[name, n]}
+            {"name": name, "features": r.features.stored(), **results[name, n]}
             for name, n in results
             for r in ROWS
             if r.name == name

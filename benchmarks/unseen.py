@@ -21,7 +21,7 @@ from benchmarks import real_data
 from benchmarks.real_methods import without_scans
 from benchmarks.unseen_rivals import Plain, columns_of, forest_of, make_training_maps, plain_numbers
 from benchmarks.unseen_sets import ALONE, PAIRED, RIGHT, WRONG, Map, prepare, read_index, read_map
-from mapq.features.settings import feature_settings
+from mapq.features.compute import feature_settings
 from mapq.io.models import read_default_model, read_model
 from mapq.labels import PLAUSIBLE, SUSPICIOUS
 from mapq.model import Model

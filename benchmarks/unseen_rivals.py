@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import pickle
 from collections.abc import Callable
-from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
@@ -20,7 +19,8 @@ from benchmarks.map_metrics import map_metrics
 from benchmarks.real_data import disagreement_of
 from benchmarks.real_methods import without_scans
 from data import make_default_model as recipe
-from mapq.features import FeatureSettings, patch_features
+from mapq.configuration import FeatureSettings
+from mapq.features import patch_features
 from mapq.features.table import PatchFeatures
 from mapq.io import read_patches, write_patches
 from mapq.labels import SUSPICIOUS, UNLABELLED
@@ -175,7 +175,7 @@ def forest_of(folder: Path, settings: FeatureSettings, say: Callable[[str], None
 
 def _digest(files: list[Path], settings: FeatureSettings) -> str:
     code = [path.read_bytes() for folder in SOURCES for path in sorted((ROOT / folder).glob("*.py"))]
-    return hashlib.sha256(repr((files, asdict(settings))).encode() + b"".join(code)).hexdigest()[:12]
+    return hashlib.sha256(repr((files, settings.stored())).encode() + b"".join(code)).hexdigest()[:12]
 
 
 def make_training_maps(folder: Path, say: Callable[[str], None]) -> None:

@@ -11,10 +11,11 @@ import numpy as np
 
 from benchmarks import real_data
 from mapq.cloud import PointCloud
+from mapq.configuration import MergeSettings, PerturbSettings
 from mapq.io import read_patches, write_patches
 from mapq.patches import Patches
-from mapq.perturb import PoseErrors, build, displaced
-from mapq.posed import MergeSettings, PosedScans
+from mapq.perturb import build, displaced
+from mapq.posed import PosedScans
 from mapq.segmentation import segment
 
 INDEX = "index.json"
@@ -97,7 +98,7 @@ def _merged(scans: PosedScans, poses: np.ndarray | None = None, thinned: int = 1
     """Return the map of scans at poses that may be wrong, labelled by those that are right."""
     used = scans if poses is None else scans.with_poses(poses, "displaced")
     settings = MergeSettings(max_range=FARTHEST if "3dtk" in scans.source else None)
-    return thin(build(used, settings=settings, reference=scans.poses).cloud, thinned)
+    return thin(build(used, merging=settings, reference=scans.poses).cloud, thinned)
 
 
 def thin(cloud: PointCloud, thinned: int) -> PointCloud:
@@ -132,9 +133,9 @@ def _displaced(scans: PosedScans, row: Map) -> PointCloud:
 def wrong_poses(poses: np.ndarray, error: str, size: float, seed: int) -> np.ndarray:
     """Return poses (k, 4, 4) of which the second half, all by and by, or one or two are displaced by `size` metres."""
     if error == "halves":
-        return displaced(poses, PoseErrors(missed_loop=(size, 0.0)), seed)
+        return displaced(poses, PerturbSettings(missed_loop=(size, 0.0)), seed)
     if error == "drift":
-        return displaced(poses, PoseErrors(drift=(size, DEGREES * size)), seed)
+        return displaced(poses, PerturbSettings(drift=(size, DEGREES * size)), seed)
     rng = np.random.default_rng(seed)
     moved = poses.copy()
     for scan in 1 + rng.permutation(len(poses) - 1)[: 2 if len(poses) >= MANY else 1]:
@@ -186,13 +187,11 @@ def _park(data: Path) -> Iterator[tuple[Map, Maker]]:
         row = Map(f"park-alone-{number}", "park", ALONE)
         yield row, lambda number=number: _submap(real_data.park(data), number)  # type: ignore[misc]
     chained = Map("park-chained-1", "park", WRONG, "chained", np.nan)
-    yield chained, lambda: build(real_data.park(data), settings=MergeSettings(submaps=True)).cloud
+    yield chained, lambda: build(real_data.park(data), merging=MergeSettings(submaps=True)).cloud
 
 
 def _submap(scans: PosedScans, number: int) -> PointCloud:
-    cloud = build(
-        real_data.some(scans, [number]), settings=MergeSettings(submaps=True), reference=scans.poses[[number]]
-    )
+    cloud = build(real_data.some(scans, [number]), merging=MergeSettings(submaps=True), reference=scans.poses[[number]])
     return cloud.cloud
 
 

@@ -18,13 +18,13 @@ from typing import Any
 import numpy as np
 
 from data.training_worlds import training_patches
+from mapq.configuration import PerturbSettings, SimulateSettings, TrainSettings
 from mapq.crf.calibration import with_false_alarms
-from mapq.crf.settings import TrainSettings
 from mapq.io.models import write_model
 from mapq.patches import Patches, label_from_field
-from mapq.perturb.label import Rule, label_points
+from mapq.perturb.build import label_points
 from mapq.segmentation import segment
-from mapq.simulate import Settings, simulate
+from mapq.simulate import simulate
 from mapq.training import train_maps
 
 MODEL = Path(__file__).resolve().parent.parent / "mapq" / "models" / "default.json"
@@ -62,8 +62,8 @@ def world(seed: int) -> Patches:
 def city(row: tuple[int, float, float, dict[str, Any]]) -> Patches:
     """Return the labelled patches of a drive through the simulated city."""
     seed, noise, drift, given = row
-    patches = segment(simulate(Settings(noise=noise, drift=drift, **given), seed))
-    rule = Rule(plausible_below=max(LEAST_PLAUSIBLE, PLAUSIBLE_IN_NOISE * noise))
+    patches = segment(simulate(SimulateSettings(noise=noise, drift=drift, **given), seed))
+    rule = PerturbSettings(plausible_below=max(LEAST_PLAUSIBLE, PLAUSIBLE_IN_NOISE * noise))
     label = label_points(patches.cloud.fields["disagreement"], rule)
     patches = replace(patches, cloud=patches.cloud.with_fields(suspicious=label))
     return label_from_field(patches, "suspicious", f"city, seed {seed}")[0]
@@ -75,7 +75,7 @@ def main() -> None:
     with ProcessPoolExecutor(os.cpu_count()) as pool:
         maps = [*pool.map(world, range(N_WORLDS)), *pool.map(city, CITIES)]
     maps = [each for each in maps if len(each)]
-    model = train_maps(maps, TrainSettings(balanced=False))
+    model = train_maps(maps, TrainSettings(class_weight="none"))
     model = with_false_alarms(model, MOST_FALSE_ALARMS, str(MODEL))
     # What is of this run alone goes out: the same seeds give the same bytes.
     rows = [{name: value for name, value in row.items() if name != "sha256"} for row in model.training["maps"]]

@@ -13,8 +13,9 @@ from pathlib import Path
 import numpy as np
 
 from mapq.cloud import PointCloud
+from mapq.configuration import SimulateSettings
 from mapq.io import write_ply
-from mapq.simulate import Settings, simulate
+from mapq.simulate import simulate
 
 SEED = 5
 WORLD = {"street_length": 120.0, "path_length": 60.0, "n_points": 90_000}
@@ -26,7 +27,7 @@ KEPT = ("truth", "surface")
 
 def main() -> None:
     """Write the map, coordinates in whole millimetres."""
-    cloud = simulate(Settings.of_size("small", WORLD), SEED)
+    cloud = simulate(SimulateSettings.of_size("small", WORLD), SEED)
     rounded = np.round(cloud.world(), 3).astype(np.float32)
     slim = PointCloud.from_world(rounded, {name: cloud.fields[name] for name in KEPT})
     with tempfile.TemporaryDirectory() as folder:

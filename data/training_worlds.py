@@ -20,13 +20,13 @@ from scipy.sparse.csgraph import dijkstra
 
 from data.training_scenes import Site, make_site
 from mapq.cloud import PointCloud
+from mapq.configuration import PerturbSettings
 from mapq.io import write_patches
 from mapq.kernels.raycast import cast_beams
 from mapq.patches import Patches, label_from_field
-from mapq.perturb.cells import mean_of
-from mapq.perturb.errors import PoseErrors, displaced
-from mapq.perturb.known import FEWEST, Surfaces, known_disagreement
-from mapq.perturb.label import Rule, label_points
+from mapq.perturb.build import label_points
+from mapq.perturb.errors import displaced
+from mapq.perturb.known import FEWEST, Surfaces, known_disagreement, mean_of
 from mapq.posed import PosedScans, drive_passes
 from mapq.segmentation import segment
 from mapq.simulate.scene import MOVING, Kind
@@ -482,11 +482,11 @@ def wrong_poses(poses: Floats, rng: Rng) -> tuple[Floats, str]:
     kinds = ("drift", "missed loop", "each scan", "halves", "some scans", "random walk")
     kind = str(rng.choice(kinds, p=(0.24, 0.2, 0.08, 0.24, 0.16, 0.08)))
     if kind == "drift":
-        moved = displaced(poses, PoseErrors(drift=(size, degrees)), seed)
+        moved = displaced(poses, PerturbSettings(drift=(size, degrees)), seed)
     elif kind == "missed loop":
-        moved = displaced(poses, PoseErrors(missed_loop=(size, degrees)), seed)
+        moved = displaced(poses, PerturbSettings(missed_loop=(size, degrees)), seed)
     elif kind == "each scan":
-        moved = displaced(poses, PoseErrors(offset=0.5 * size, yaw=0.3 * degrees), seed)
+        moved = displaced(poses, PerturbSettings(offset=0.5 * size, yaw=0.3 * degrees), seed)
     elif kind == "random walk":
         moved = _wandered(poses, 0.6 * size, rng)
     else:
@@ -536,7 +536,7 @@ def labelled(world: ScannedWorld, used: Floats, source: str) -> PointCloud:
     to_sensor = (used[world.scan, :3, 3] - xyz).astype(np.float32)
     fields: dict[str, NDArray[Any]] = {
         "scan": world.scan,
-        "suspicious": label_points(metres, Rule()),
+        "suspicious": label_points(metres, PerturbSettings()),
         "disagreement": metres.astype(np.float32),
         "time": world.times[world.scan],
         "pass_id": drive_passes(world.poses)[world.scan],
@@ -555,7 +555,7 @@ def true_disagreement(world: ScannedWorld, used: Floats) -> Floats:
     known = world.surface != NOT_KNOWN
     if known.any():
         surfaces = _pieces(world.take(known))
-        metres[known] = known_disagreement(surfaces, world.poses, used, Rule().plausible_below).metres
+        metres[known] = known_disagreement(surfaces, world.poses, used, PerturbSettings().plausible_below).metres
     return metres
 
 

@@ -22,16 +22,19 @@ if TYPE_CHECKING:
         write_patches,
     )
     from mapq.cloud import PointCloud
-    from mapq.crf import TrainSettings
-    from mapq.features import FeatureSettings
+    from mapq.configuration import (
+        FeatureSettings,
+        FindSettings,
+        MergeSettings,
+        ReadOptions,
+        SegmentSettings,
+        TrainSettings,
+    )
     from mapq.io.models import read_model
-    from mapq.io.options import ReadOptions
     from mapq.io.patches import read_patches
     from mapq.model import Model
     from mapq.patches import Patches
-    from mapq.posed import FindSettings, MergeSettings
     from mapq.results.result import Result
-    from mapq.segmentation import SegmentSettings
     from prf.shell.errors import PrfError
 
 __all__ = [
@@ -71,17 +74,20 @@ _HOMES = {
         "write_model",
         "write_patches",
     ),
-    "mapq.results.result": ("Result",),
     "mapq.cloud": ("PointCloud",),
-    "mapq.crf": ("TrainSettings",),
-    "mapq.features": ("FeatureSettings",),
+    "mapq.configuration": (
+        "FeatureSettings",
+        "FindSettings",
+        "MergeSettings",
+        "ReadOptions",
+        "SegmentSettings",
+        "TrainSettings",
+    ),
     "mapq.io.models": ("read_model",),
-    "mapq.io.options": ("ReadOptions",),
     "mapq.io.patches": ("read_patches",),
     "mapq.model": ("Model",),
     "mapq.patches": ("Patches",),
-    "mapq.posed": ("FindSettings", "MergeSettings"),
-    "mapq.segmentation": ("SegmentSettings",),
+    "mapq.results.result": ("Result",),
     "prf.shell.errors": ("PrfError",),
 }
 """Module to the names that it lends to this package; a test holds them to what type checkers see above."""

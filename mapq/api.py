@@ -5,16 +5,22 @@ from __future__ import annotations
 import logging
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mapq.cloud import PointCloud
-from mapq.crf import TrainSettings
+from mapq.configuration import (
+    AS_IT_IS,
+    FeatureSettings,
+    FindSettings,
+    MergeSettings,
+    ReadOptions,
+    SegmentSettings,
+    TrainSettings,
+)
 from mapq.crf.calibration import with_false_alarms
-from mapq.features import FeatureSettings
 from mapq.features import patch_features as measure
 from mapq.features.compute import N_STEPS
 from mapq.features.table import PatchFeatures
@@ -23,12 +29,11 @@ from mapq.io import models as model_files
 from mapq.io import patches as patch_files
 from mapq.io.maps import read_input
 from mapq.io.models import read_default_model, read_model
-from mapq.io.options import AS_IT_IS, ReadOptions
 from mapq.model import Model
 from mapq.patches import Patches
-from mapq.posed import FindSettings, MergeSettings, find_scans, merge_scans
+from mapq.posed import find_scans, merge_scans
 from mapq.results.result import Origin, Result, assess
-from mapq.segmentation import STAGES, SegmentSettings
+from mapq.segmentation import STAGES
 from mapq.segmentation import segment as cut
 from prf.shell.cli.outputs import refuse_existing
 from prf.shell.cli.progress import ProgressCallback, reported
@@ -64,6 +69,7 @@ def read_scans(
     every: int = 1,
     find: FindSettings | None = None,
     merging: MergeSettings | None = None,
+    options: ReadOptions = AS_IT_IS,
     progress: bool | ProgressCallback = True,
 ) -> PointCloud:
     """Merge posed scans to one cloud that knows which scan saw each point, when and from where.
@@ -80,6 +86,8 @@ def read_scans(
         Camera calibration, pattern of names, order of quaternions, frame of the points.
     merging : MergeSettings, optional
         Thinning and ranges.
+    options : ReadOptions
+        What the files of scans do not contain, as :func:`read_cloud`.
     progress : bool or callable
         As :func:`segment`.
 
@@ -95,9 +103,9 @@ def read_scans(
     """
     chosen = find or FindSettings()
     if poses is not None:
-        chosen = replace(chosen, poses=os.fspath(poses))
+        chosen = chosen.replace(poses=os.fspath(poses))
     names = [scans] if isinstance(scans, str | os.PathLike) else scans
-    posed = find_scans([os.fspath(each) for each in names], chosen).every(every)
+    posed = find_scans([os.fspath(each) for each in names], chosen, options).every(every)
     with reported(progress, len(posed), "merging scans") as reporter:
         return merge_scans(posed, merging, reporter)
 
@@ -141,7 +149,6 @@ def segment(
     cloud: PointCloud | ArrayLike | Path,
     settings: SegmentSettings | None = None,
     *,
-    sources: Mapping[str, str] | None = None,
     progress: bool | ProgressCallback = True,
 ) -> Patches:
     """Cut a cloud into plane patches by region growing.
@@ -151,8 +158,6 @@ def segment(
     cloud : PointCloud, (n, 3) array, or path
     settings : SegmentSettings, optional
         What it leaves open is estimated from the cloud.
-    sources : mapping of str to str, optional
-        Where each setting was given, such as "--max-tilt"; kept in the report of the patches.
     progress : bool or callable
         Show a bar. A callable is given the share done in [0, 1], and a mapping of what a bar would show.
 
@@ -167,8 +172,6 @@ def segment(
         If the array is not a cloud.
     InputError
         If the file cannot be read, or the points make no plane.
-    UsageError
-        If a setting is outside its domain.
     """
     if isinstance(cloud, str | os.PathLike):
         cloud = read_cloud(cloud)
@@ -177,7 +180,7 @@ def segment(
     with reported(progress, len(STAGES), "segmenting") as reporter:
         patches = cut(cloud, settings, reporter)
     _warn(patches)
-    return replace(patches, report={**patches.report, "sources": dict(sources)}) if sources else patches
+    return patches
 
 
 def patch_features(
@@ -202,7 +205,6 @@ def classify(
     *,
     max_false_alarms: float | None = None,
     segmentation: SegmentSettings | None = None,
-    sources: Mapping[str, str] | None = None,
     options: ReadOptions = AS_IT_IS,
     progress: bool | ProgressCallback = True,
 ) -> Result:
@@ -217,9 +219,7 @@ def classify(
     max_false_alarms : float, optional
         Share of the plausible patches that may be called suspicious, such as 0.02.
     segmentation : SegmentSettings, optional
-        For a cloud; for patches those that `sources` has from a settings file are ignored, others refused.
-    sources : mapping of str to str, optional
-        As :func:`segment`.
+        For a cloud; patches are segmented already.
     options : ReadOptions
         For the file of a cloud.
     progress : bool or callable
@@ -240,8 +240,8 @@ def classify(
         found = read_input(os.fspath(map), options)
         origin = origin._replace(name=os.fspath(map), files=(os.fspath(map), *origin.files))
     if not isinstance(found, Patches):
-        found = segment(found, segmentation, sources=sources, progress=progress)
-    elif segmentation is not None and (sources is None or any(each.startswith("--") for each in sources.values())):
+        found = segment(found, segmentation, progress=progress)
+    elif segmentation is not None:
         raise UsageError(f"{origin.name} is segmented already: settings of a segmentation are for clouds.")
     else:
         _warn(found)
@@ -267,6 +267,7 @@ def train(
     ----------
     maps : Patches, path of a PATCHES file, or a sequence of these
     settings : TrainSettings, optional
+        With `max_false_alarms` the model has that operating point.
     features : FeatureSettings, optional
         Stored in the model, which measures other maps in the same way.
     conservative : bool
@@ -289,7 +290,9 @@ def train(
     if not given:
         raise ArgumentError("maps: give at least one.")
     with reported(progress, len(given), "maps") as reporter:
-        return train_maps(given, settings, features, reporter, conservative)
+        model = train_maps(given, settings, features, reporter, conservative)
+    share = settings.max_false_alarms if settings is not None else None
+    return model if share is None else with_false_alarms(model, share, "the model")
 
 
 def write_patches(path: Path, patches: Patches, *, force: bool = False) -> None:

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import PurePath
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mapq.crf import TrainSettings
+from mapq.configuration import FeatureSettings, TrainSettings
 from mapq.crf.cross_validation import Trained, split_regions, train
 from mapq.crf.train import TrainingMap
-from mapq.features import FeatureSettings, patch_features
+from mapq.features import patch_features
 from mapq.io import read_patches
 from mapq.labels import PLAUSIBLE, SUSPICIOUS, UNLABELLED
 from mapq.model import Model
@@ -62,7 +62,7 @@ def train_maps(
         scores = score_labels(trained.held_out.label, trained.held_out.truth, trained.held_out.probability)
     kind = "conservative" if conservative else "given"
     summary = {**summarise(sources, maps, labels, trained, settings, scores), "labels": kind}
-    return replace(trained.model, features=asdict(features), training=summary)
+    return replace(trained.model, features=features.stored(), training=summary)
 
 
 def region_size(labels: Sequence[NDArray[np.uint8]], n_regions: int) -> int:
@@ -117,7 +117,7 @@ def summarise(
         "potential": settings.potential,
         "regularisation": trained.strength.weights,
         "coupling_regularisation": trained.strength.coupling,
-        "class_weight": "balanced" if settings.balanced else "none",
+        "class_weight": settings.class_weight,
         "n_patches": sum(int(np.count_nonzero(label != UNLABELLED)) for label in labels),
         "n_suspicious": sum(int(np.count_nonzero(label == SUSPICIOUS)) for label in labels),
         "pseudo_log_likelihood": trained.pseudo_log_likelihood,

@@ -6,38 +6,21 @@ import dataclasses
 import logging
 import os
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mapq.commands._options import (
-    Calibration,
-    Config,
-    Every,
-    MaxFalseAlarms,
-    MaxTilt,
-    ModelFile,
-    Pattern,
-    Poses,
-    Scheduler,
-    Submaps,
-    TilePoints,
-    Topic,
-    Unit,
-    Workers,
-    load_model,
-    parse_share,
-)
-from mapq.commands._scans import ScanOptions, are_scans, default_name, read_map
+from mapq.commands._options import ModelFile, are_scans, default_name, load_model, read_scans
+from mapq.configuration import Configuration, parse_share, sources_of, typed_keys
 from prf.shell.cli.console import is_verbose
-from prf.shell.cli.options import Assignments, Force, Json, Output, Presets
+from prf.shell.cli.flags import with_settings
+from prf.shell.cli.options import Force, Json, Output
+from prf.shell.cli.settings import Loaded
 
 if TYPE_CHECKING:
     from mapq.configuration import Configuration
-    from mapq.io import ReadOptions
     from mapq.results.regions import Region
     from mapq.results.result import Result
-    from prf.shell.cli.settings import Loaded
 
 logger = logging.getLogger(__name__)
 
@@ -49,6 +32,7 @@ EXAMPLES = (
 )
 
 
+@with_settings(Configuration, "cloud", "scans", "segment", "crf.max_false_alarms", "tiles")
 def classify(
     inputs: Annotated[
         list[str],
@@ -58,19 +42,9 @@ def classify(
             "segmented first.",
         ),
     ],
-    poses: Poses = None,
-    calibration: Calibration = None,
-    pattern: Pattern = None,
-    every: Every = 1,
-    submaps: Submaps = False,
+    *,
+    settings: Loaded[Configuration],
     model: ModelFile = None,
-    max_false_alarms: MaxFalseAlarms = None,
-    config: Config = None,
-    preset: Presets = None,
-    assignments: Assignments = None,
-    unit: Unit = None,
-    topic: Topic = None,
-    max_tilt: MaxTilt = None,
     fail_over: Annotated[
         float | None,
         typer.Option(
@@ -90,9 +64,6 @@ def classify(
             "[20%]",
         ),
     ] = None,
-    workers: Workers = None,
-    scheduler: Scheduler = None,
-    tile_points: TilePoints = None,
     output: Output = None,
     json: Json = False,
     force: Force = False,
@@ -111,7 +82,6 @@ def classify(
     A folder of LAS or LAZ tiles, or any cloud with one of --workers, --scheduler and --tile-points, is worked on tile
     by tile and need not fit into memory. The result of a folder is a folder: tiles of the same names, and result.json.
     """
-    from mapq.configuration import load_configuration
     from mapq.io.results import result_lines
     from mapq.results.result import MIN_COVERAGE
     from mapq.tiled.source import is_tiled
@@ -119,22 +89,17 @@ def classify(
     from prf.shell.cli.files import STREAM
     from prf.shell.errors import UsageError
 
-    given: dict[str, object] = {"config": config, "preset": preset, "assignments": assignments, "max_tilt": max_tilt}
-    given |= {"unit": unit, "topic": topic, "max_false_alarms": max_false_alarms}
-    chosen = load_configuration(given, "cloud", "scans", "segment", "crf")
-    options = chosen.settings.cloud.options()
-    file, scans = inputs[0], ScanOptions(poses, calibration, pattern, every, submaps)
+    chosen = settings.settings
     limits = fail_over, MIN_COVERAGE if min_coverage is None else min_coverage
-    how = {"n_workers": workers, "scheduler": scheduler, "tile_points": tile_points}
-    how = {name: value for name, value in how.items() if value is not None}
-    if how and are_scans(inputs, scans):
+    file, as_scans, in_tiles = inputs[0], are_scans(inputs, chosen.scans), bool(sources_of(settings, "tiles"))
+    if in_tiles and as_scans:
         raise UsageError("scans are merged in memory, not in tiles. Leave --workers and the like out; see --every.")
-    if how or (is_tiled(file) and not are_scans(inputs, scans)):
+    if in_tiles or (is_tiled(file) and not as_scans):
         target = output or _tiled_target(file)
-        result = _classify_tiles(file, target, model, chosen, options, how, limits, force)
+        result = _classify_tiles(file, target, model, settings, limits, force)
     else:
         target = output or default_name(inputs if file != STREAM else ["map"], ".classified.ply")
-        result = _classify(inputs, scans, (model, config), target, chosen, bool(preset), force)
+        result = _classify(inputs, as_scans, model, target, settings, force)
         result.save(target, fail_over=limits[0], min_coverage=limits[1], force=True)
     if json:
         storage.emit_pieces(result_lines({"output": target, **result.head(*limits)}, result.patch_rows()))
@@ -145,64 +110,62 @@ def classify(
 
 
 def _classify(
-    inputs: list[str],
-    scans: ScanOptions,
-    settings: tuple[str | None, str | None],
-    target: str,
-    chosen: Loaded[Configuration],
-    has_preset: bool,
-    force: bool,
+    inputs: list[str], as_scans: bool, model: str | None, target: str, settings: Loaded[Configuration], force: bool
 ) -> Result:
-    """Classify a map in memory, or scans; `settings` are the files of model and settings."""
+    """Classify a map in memory, or scans."""
     from mapq.api import classify as label
-    from mapq.configuration import sources_of
-    from mapq.io import is_patches
-    from mapq.io.options import AS_IT_IS
+    from mapq.api import read_cloud
+    from mapq.api import segment as cut
+    from mapq.io import is_patches, read_patches
     from mapq.io.results import claim_result, json_beside
     from prf.shell.cli.files import STREAM
     from prf.shell.cli.outputs import refuse_inputs
+
+    file, chosen = inputs[0], settings.settings
+    are_patches = not as_scans and file != STREAM and is_patches(file)
+    if are_patches:
+        _refuse_for_patches(file, settings)
+    read = [name for name in (*inputs, chosen.scans.poses, model) if name is not None]
+    claim_result(target, force)
+    refuse_inputs([target, json_beside(target)], [*read, settings.file])
+    if are_patches:
+        patches = read_patches(file)
+    else:
+        patches = cut(read_scans(inputs, chosen) if as_scans else read_cloud(file, chosen.cloud), chosen.segment)
+        patches = dataclasses.replace(patches, report={**patches.report, "sources": sources_of(settings, "segment")})
+    result = label(patches, model, max_false_alarms=chosen.crf.max_false_alarms)
+    name = result.origin.name if as_scans else file
+    return dataclasses.replace(result, origin=result.origin._replace(name=name, files=tuple(read)))
+
+
+def _refuse_for_patches(file: str, settings: Loaded[Configuration]) -> None:
+    """Refuse what the command line asks of a cloud, for PATCHES; what a file of settings has is for other maps."""
     from prf.shell.errors import UsageError
 
-    file, options, files = inputs[0], chosen.settings.cloud.options(), [*inputs, scans.poses, *settings]
-    as_scans = are_scans(inputs, scans)
-    if not as_scans and file != STREAM and is_patches(file):
-        if has_preset:
-            raise UsageError(f"{file} is segmented already: a --preset is for clouds.")
-        if not any(each.startswith("--") for each in sources_of(chosen, "cloud").values()):
-            options = AS_IT_IS  # what a file of settings has is for other maps
-    claim_result(target, force)
-    refuse_inputs([target, json_beside(target)], files)
-    result = label(
-        read_map(inputs, scans, chosen.settings) if as_scans else file,
-        settings[0],
-        max_false_alarms=chosen.settings.crf.max_false_alarms,
-        segmentation=chosen.settings.segment.settings(),
-        sources=sources_of(chosen, "segment"),
-        options=options,
-    )
-    read = tuple(name for name in files[:-1] if name is not None)
-    return dataclasses.replace(result, origin=result.origin._replace(files=read)) if as_scans else result
+    for table, what in (("segment", "settings of a segmentation are for clouds"), ("cloud", "it holds its unit")):
+        typed = typed_keys(settings, table)
+        if typed:
+            raise UsageError(
+                f"{file} is segmented already: {what}. Leave out {settings.sources[f'{table}.{typed[0]}']}."
+            )
 
 
 def _classify_tiles(
     file: str,
     target: str,
     model: str | None,
-    chosen: Loaded[Configuration],
-    options: ReadOptions,
-    how: dict[str, Any],
+    settings: Loaded[Configuration],
     limits: tuple[float | None, float],
     force: bool,
 ) -> Result:
-    """Classify a map tile by tile, and write the result; `how`: workers, scheduler and points of a tile."""
-    from mapq.configuration import sources_of
+    """Classify a map tile by tile, and write the result."""
     from mapq.io import is_patches
     from mapq.io.result_folder import RESULT_JSON
     from mapq.io.results import json_beside
     from mapq.posed.files import pose_names
     from mapq.results.result import Origin
     from mapq.tiled.output import CLOUD_SUFFIXES
-    from mapq.tiled.run import TileSettings, classify_map
+    from mapq.tiled.run import classify_map
     from mapq.tiled.source import is_tiled
     from prf.shell.cli.outputs import refuse_inputs
     from prf.shell.errors import UsageError
@@ -215,10 +178,9 @@ def _classify_tiles(
     posed = pose_names(file) if is_folder else []
     if posed:
         logger.warning("%s: taken for tiles of one map. If these are scans: --poses %s", file, posed[0])
-    settings = TileSettings(**how, segment=chosen.settings.segment.settings(), options=options)
-    used = load_model(model, chosen.settings.crf.max_false_alarms)
-    origin = Origin(file, model or "default", tuple(inputs))
-    result = classify_map(file, target, used, settings, force, origin, limits, sources_of(chosen, "segment"))
+    used = load_model(model, settings.settings.crf.max_false_alarms)
+    origin, sources = Origin(file, model or "default", tuple(inputs)), sources_of(settings, "segment")
+    result = classify_map(file, target, used, settings.settings, force, origin, limits, sources)
     for warning in result.patches.report["warnings"]:
         logger.warning("%s: %s", file, warning)
     return result

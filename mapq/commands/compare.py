@@ -8,9 +8,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mapq.commands._options import ModelFile, parse_share
+from mapq.commands._options import ModelFile
+from mapq.configuration import Configuration, parse_share
 from prf.shell.cli.console import is_verbose
-from prf.shell.cli.options import Assignments, Json
+from prf.shell.cli.flags import with_settings
+from prf.shell.cli.options import Json
+from prf.shell.cli.settings import Loaded
 
 if TYPE_CHECKING:
     from mapq.results.compare import Comparison, Place
@@ -29,6 +32,7 @@ LITTLE = 0.1
 """Share of both maps' areas below which common ground is doubtful."""
 
 
+@with_settings(Configuration, "cloud")
 def compare(
     first: Annotated[
         str,
@@ -38,6 +42,8 @@ def compare(
         ),
     ],
     second: Annotated[str, typer.Argument(metavar="B", help="Another map of the same place, in the same frame.")],
+    *,
+    settings: Loaded[Configuration],
     model: ModelFile = None,
     cell: Annotated[
         float, typer.Option("--cell", metavar="METRES", help="Side of the cubes in which the maps are compared.")
@@ -51,7 +57,6 @@ def compare(
             help="Exit 1 if B has a larger share of suspicious area than A, by more than this: 0, 0.01 or 1%.",
         ),
     ] = None,
-    assignments: Assignments = None,
     json: Json = False,
 ) -> None:
     """Compare two maps of one place: which is better, and where.
@@ -61,7 +66,6 @@ def compare(
     p_suspicious over the area. Places are cells side by side whose expected share differs by more than a quarter. The
     maps are not aligned.
     """
-    from mapq.configuration import load_configuration
     from mapq.io.models import read_model
     from mapq.results.compare import check_cell, comparison_content
     from mapq.results.compare import compare as compare_maps
@@ -71,8 +75,7 @@ def compare(
 
     used = read_model(model) if model is not None else None
     check_cell(cell)
-    options = load_configuration({"assignments": assignments}, "cloud").settings.cloud.options()
-    one, other = (read_judged(name, used, cell, options) for name in (first, second))
+    one, other = (read_judged(name, used, cell, settings.settings.cloud) for name in (first, second))
     found = compare_maps(one, other, cell)
     if found.covered.max() < LITTLE:
         logger.warning(

@@ -7,9 +7,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mapq.commands._options import MaxFalseAlarms, ModelFile, TruthField, load_model
+from mapq.commands._options import ModelFile, load_model
+from mapq.configuration import Configuration
 from prf.shell.cli.console import is_verbose
+from prf.shell.cli.flags import with_settings
 from prf.shell.cli.options import Json
+from prf.shell.cli.settings import Loaded
 
 if TYPE_CHECKING:
     from mapq.results.evaluate import Scores
@@ -23,13 +26,22 @@ DETAILS = ("balanced_accuracy", "base_rate", "log_loss", "brier")
 """Scores that only -v prints."""
 
 
+@with_settings(Configuration, "crf.max_false_alarms")
 def evaluate(
     file: Annotated[
         str, typer.Argument(metavar="RESULT|PATCHES", help="What mapq classify wrote, or patches to be classified.")
     ],
+    *,
+    settings: Loaded[Configuration],
     model: ModelFile = None,
-    max_false_alarms: MaxFalseAlarms = None,
-    truth_field: TruthField = None,
+    truth_field: Annotated[
+        str | None,
+        typer.Option(
+            "--truth-field",
+            metavar="NAME",
+            help="Point field with the truth: 1 suspicious, 0 plausible, 255 unknown.  [labels of PATCHES, else truth]",
+        ),
+    ] = None,
     json: Json = False,
 ) -> None:
     """Compare inferred labels with the truth: confusion matrix, scores, calibration.
@@ -41,7 +53,7 @@ def evaluate(
     from mapq.results.evaluate import read_labelled, reliability, score_labels
     from prf.shell.cli import console, storage
 
-    labelled = read_labelled(file, load_model(model, max_false_alarms), truth_field)
+    labelled = read_labelled(file, load_model(model, settings.settings.crf.max_false_alarms), truth_field)
     scores = score_labels(labelled.label, labelled.truth, labelled.probability)
     bins = reliability(labelled.truth, labelled.probability)
     if json:

@@ -8,9 +8,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mapq.commands._options import Config
+from mapq.configuration import Configuration
 from prf.shell.cli.console import is_verbose
-from prf.shell.cli.options import Assignments, Json, Presets
+from prf.shell.cli.flags import with_settings
+from prf.shell.cli.options import Json
+from prf.shell.cli.settings import Loaded
 
 if TYPE_CHECKING:
     from mapq.features.table import PatchFeatures, Table
@@ -26,11 +28,11 @@ SHOWN = ("area_m2", "thickness_m", "tilt_deg", "separation", "overlap", "crossin
 """Columns that are summed up without -v."""
 
 
+@with_settings(Configuration, "features")
 def features(
     patches: Annotated[str, typer.Argument(metavar="PATCHES", help="What mapq segment wrote; - is standard input.")],
-    config: Config = None,
-    preset: Presets = None,
-    assignments: Assignments = None,
+    *,
+    settings: Loaded[Configuration],
     csv: Annotated[
         bool, typer.Option("--csv", help="Print CSV: a row a patch, an empty line, then a row a pair.")
     ] = False,
@@ -43,7 +45,6 @@ def features(
     sums up all columns.
     """
     from mapq.api import patch_features
-    from mapq.configuration import load_configuration
     from mapq.features.table import csv_lines, edge_table, node_table, records
     from mapq.io import read_patches
     from prf.shell.cli import console, storage
@@ -51,9 +52,7 @@ def features(
 
     if csv and json:
         raise UsageError("--csv and --json do not go together.")
-    given = {"config": config, "preset": preset, "assignments": assignments}
-    settings = load_configuration(given, "features").settings.features.settings()
-    found = patch_features(read_patches(patches), settings, progress=True)
+    found = patch_features(read_patches(patches), settings.settings.features, progress=True)
     if found.n_clipped:
         logger.warning("%s: %d values were infinite, undefined or beyond 1e6 and were cut.", patches, found.n_clipped)
     tables = {"nodes": node_table(found), "edges": edge_table(found)}

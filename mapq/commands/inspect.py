@@ -7,9 +7,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from mapq.commands._options import Topic, Unit
+from mapq.configuration import Configuration
 from prf.shell.cli.console import is_verbose
-from prf.shell.cli.options import Assignments, Json
+from prf.shell.cli.flags import with_settings
+from prf.shell.cli.options import Json
+from prf.shell.cli.settings import Loaded
 
 if TYPE_CHECKING:
     from mapq.io.describe import CloudSummary, Description, FieldSummary, PatchSummary
@@ -23,6 +25,7 @@ MOST_ROWS = 15
 """Lines that are printed without -v."""
 
 
+@with_settings(Configuration, "cloud")
 def inspect(
     file: Annotated[
         str,
@@ -32,9 +35,8 @@ def inspect(
             "also gzipped), PATCHES, a RESULT (also a folder of tiles) or a model; - is standard input.",
         ),
     ],
-    unit: Unit = None,
-    topic: Topic = None,
-    assignments: Assignments = None,
+    *,
+    settings: Loaded[Configuration],
     json: Json = False,
 ) -> None:
     """Show the contents of a file: a cloud, PATCHES, a RESULT, or a model.
@@ -43,12 +45,10 @@ def inspect(
     nearest neighbour, on a sample); of patches the counts, labels and parameters; of a model its entries. -v prints all
     of a long table.
     """
-    from mapq.configuration import load_configuration
     from mapq.io.describe import describe
     from prf.shell.cli import console, storage
 
-    given = {"assignments": assignments, "unit": unit, "topic": topic}
-    summary = describe(file, load_configuration(given, "cloud").settings.cloud.options())
+    summary = describe(file, settings.settings.cloud)
     if json:
         storage.emit_object("mapq.inspect/1", storage.jsonable(summary))
     else:

@@ -8,11 +8,15 @@ from typing import Annotated, Any
 
 import typer
 
-from mapq.commands._options import Calibration, Config, Every, Pattern, Poses, Submaps
-from mapq.commands._scans import ScanOptions, find_settings
-from prf.shell.cli.options import Assignments, Force, Json, Output, Seed
+from mapq.configuration import Configuration, MergeSettings
+from prf.shell.cli.flags import with_settings
+from prf.shell.cli.options import Force, Json, Output, Seed
+from prf.shell.cli.settings import Loaded
 
 logger = logging.getLogger(__name__)
+
+ERRORS = ("offset", "yaw", "drift", "missed_loop")
+"""Settings of errors of poses; the others are the rule by which points are labelled."""
 
 EXAMPLES = (
     "mapq perturb sequences/00 --drift 0.5 1 --seed 1 -o drifted.ply",
@@ -21,34 +25,16 @@ EXAMPLES = (
 )
 
 
+@with_settings(Configuration, "perturb", "scans", "cloud")
 def perturb(
-    scans: Annotated[
+    inputs: Annotated[
         list[str], typer.Argument(metavar="SCANS...", help="A folder of scans, an E57 file, or the files of the scans.")
     ],
-    poses: Poses = None,
+    *,
+    settings: Loaded[Configuration],
     reference: Annotated[
         str | None, typer.Option("--reference", metavar="FILE", help="The right poses, which show what is displaced.")
     ] = None,
-    pattern: Pattern = None,
-    calibration: Calibration = None,
-    every: Every = 1,
-    submaps: Submaps = False,
-    offset: Annotated[
-        float, typer.Option("--offset", metavar="METRES", help="Displace every scan but the first by this.")
-    ] = 0.0,
-    yaw: Annotated[
-        float, typer.Option("--yaw", metavar="DEG", help="Turn every scan but the first about its sensor.")
-    ] = 0.0,
-    drift: Annotated[
-        tuple[float, float],
-        typer.Option("--drift", metavar="METRES DEG", help="Errors that grow along the way, to these at its end."),
-    ] = (0.0, 0.0),
-    missed_loop: Annotated[
-        tuple[float, float],
-        typer.Option("--missed-loop", metavar="METRES DEG", help="Displace all scans from the first revisit on."),
-    ] = (0.0, 0.0),
-    config: Config = None,
-    assignments: Assignments = None,
     seed: Seed = None,
     output: Output = None,
     force: Force = False,
@@ -61,35 +47,31 @@ def perturb(
     --reference has them, or, without it, small pieces of the scans are registered to each other. The table [perturb] of
     the settings has the bounds of both labels, [scans] ranges and thinning.
     """
-    from dataclasses import asdict
-
-    from mapq.configuration import load_configuration
-    from mapq.perturb import PoseErrors, Rule, build
-    from mapq.perturb.files import SCHEMA, target_files, write_map
+    from mapq.perturb.build import SCHEMA, build, target_files, write_map
     from mapq.posed import find_scans, replace_poses
     from prf.shell.cli import console, storage
     from prf.shell.cli.outputs import refuse_inputs
     from prf.shell.cli.progress import progress
     from prf.shell.cli.provenance import resolve_seed
 
-    loaded = load_configuration({"config": config, "assignments": assignments}, "perturb", "scans", "cloud").settings
-    chosen = loaded.perturb
-    find = find_settings(ScanOptions(poses, calibration, pattern, every, submaps), loaded)
-    posed = find_scans(scans, find)
-    targets, errors = target_files(output, force), PoseErrors(offset, yaw, drift, missed_loop)
-    errors.check()
-    refuse_inputs(targets, [*posed.names, poses, reference, calibration])
-    rule = Rule(chosen.suspicious_above, chosen.plausible_below, chosen.reach, chosen.search)
-    settings = loaded.scans.merging(submaps)
-    right = replace_poses(posed, reference, find).every(every).poses if reference else None
-    used_seed = None if errors.is_none else resolve_seed(seed)
-    if errors.is_none and right is None:
+    chosen, finding = settings.settings.perturb, settings.settings.scans
+    posed = find_scans(inputs, finding, settings.settings.cloud)
+    targets = target_files(output, force)
+    refuse_inputs(targets, [*posed.names, finding.poses, reference, finding.calibration])
+    right = replace_poses(posed, reference, finding).every(finding.every).poses if reference else None
+    used_seed = None if chosen.moves_nothing else resolve_seed(seed)
+    if chosen.moves_nothing and right is None:
         logger.info("no poses are known to be right: every scan is registered to those near it, piece by piece, which")
         logger.info("takes a while. If these poses are right, give the same file as --reference too; without labels")
         logger.info("mapq classify takes the scans as they are.")
     with progress(1.0, "merging and comparing scans") as bar:
-        built = build(posed.every(every), errors, rule, settings, right, used_seed or 0, bar)
-    head = {"seed": used_seed, "errors": asdict(errors), "rule": asdict(rule), "merging": asdict(settings)}
+        built = build(posed.every(finding.every), chosen, finding, right, used_seed or 0, bar)
+    head = {
+        "seed": used_seed,
+        "errors": chosen.model_dump(include=set(ERRORS)),
+        "rule": chosen.model_dump(exclude=set(ERRORS)),
+        "merging": finding.model_dump(include=set(MergeSettings.model_fields)),
+    }
     report = write_map(targets, built, head)
     if json:
         storage.emit_object(SCHEMA, report)

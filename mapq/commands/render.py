@@ -9,8 +9,10 @@ from typing import Annotated
 
 import typer
 
-from mapq.commands._options import Unit
-from prf.shell.cli.options import Assignments, Force, Output
+from mapq.configuration import Configuration
+from prf.shell.cli.flags import with_settings
+from prf.shell.cli.options import Force, Output
+from prf.shell.cli.settings import Loaded
 
 logger = logging.getLogger(__name__)
 
@@ -38,6 +40,7 @@ class Colour(StrEnum):
     field = "field"
 
 
+@with_settings(Configuration, "cloud")
 def render(
     file: Annotated[
         str,
@@ -54,8 +57,8 @@ def render(
         ),
     ] = None,
     view: Annotated[View, typer.Option("--view", help="Plan view, 3D view, or one above the other.")] = View.both,
-    unit: Unit = None,
-    assignments: Assignments = None,
+    *,
+    settings: Loaded[Configuration],
     output: Output = None,
     force: Force = False,
 ) -> None:
@@ -63,7 +66,6 @@ def render(
 
     The suffix of the output chooses PNG, SVG or PDF; without -o the picture is a PNG in the current folder.
     """
-    from mapq.configuration import load_configuration
     from mapq.report.drawing import read_picture
     from prf.shell.cli.files import STREAM
     from prf.shell.cli.outputs import claim_output
@@ -72,11 +74,10 @@ def render(
 
     if (colour is Colour.field) != (field is not None):
         raise UsageError("--colour field and --field NAME go together.")
-    options = load_configuration({"assignments": assignments, "unit": unit}, "cloud").settings.cloud.options()
     target = output or f"{PurePath(file).stem if file != STREAM else 'map'}.png"
     picture_format(target)
     claim_output(target, force, inputs=[file])
-    picture = read_picture(file, colour.value if colour is not None else None, field, options)
+    picture = read_picture(file, colour.value if colour is not None else None, field, settings.settings.cloud)
     save(picture.draw(("plan", "3d") if view is View.both else (view.value,)), target)
     if target != STREAM:
         logger.info("wrote %s", target)

@@ -8,20 +8,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mapq.commands._options import (
-    Calibration,
-    Config,
-    Every,
-    MaxTilt,
-    Pattern,
-    Poses,
-    Submaps,
-    Topic,
-    Unit,
-)
-from mapq.commands._scans import ScanOptions, are_scans, default_name, read_map
+from mapq.commands._options import are_scans, default_name, read_scans
+from mapq.configuration import Configuration, sources_of
 from prf.shell.cli.console import is_verbose
-from prf.shell.cli.options import Assignments, Force, Json, Output, Presets
+from prf.shell.cli.flags import with_settings
+from prf.shell.cli.options import Force, Json, Output
+from prf.shell.cli.settings import Loaded
 
 if TYPE_CHECKING:
     from mapq.patches import Patches
@@ -35,6 +27,7 @@ EXAMPLES = (
 LENGTHS = ("resolution", "noise", "max_distance", "max_gap", "min_extent")
 
 
+@with_settings(Configuration, "cloud", "scans", "segment")
 def segment(
     clouds: Annotated[
         list[str],
@@ -44,18 +37,9 @@ def segment(
             "with poses.",
         ),
     ],
-    poses: Poses = None,
-    calibration: Calibration = None,
-    pattern: Pattern = None,
-    every: Every = 1,
-    submaps: Submaps = False,
+    *,
+    settings: Loaded[Configuration],
     output: Output = None,
-    config: Config = None,
-    preset: Presets = None,
-    assignments: Assignments = None,
-    max_tilt: MaxTilt = None,
-    unit: Unit = None,
-    topic: Topic = None,
     json: Json = False,
     force: Force = False,
 ) -> None:
@@ -68,7 +52,6 @@ def segment(
     """
     from mapq.api import read_cloud
     from mapq.api import segment as cut
-    from mapq.configuration import load_configuration, sources_of
     from mapq.features import measure_shapes
     from mapq.io.patches import write_patches
     from prf.shell.cli import storage
@@ -77,21 +60,17 @@ def segment(
     from prf.shell.cli.outputs import claim_output
     from prf.shell.errors import UsageError
 
-    given_scans = ScanOptions(poses, calibration, pattern, every, submaps)
+    chosen = settings.settings
     if output is None and STREAM in clouds:
         raise UsageError("a cloud from standard input has no name to put .patches to. Name the output with -o.")
     target = output or default_name(clouds, ".patches")
-    claim_output(target, force, inputs=[*clouds, poses, config], suffixes=(".patches", ".npz"), json=json)
-    given: dict[str, object] = {"config": config, "preset": preset, "assignments": assignments, "max_tilt": max_tilt}
-    given |= {"unit": unit, "topic": topic}
-    chosen = load_configuration(given, "cloud", "scans", "segment")
-    if are_scans(clouds, given_scans):
-        cloud = read_map(clouds, given_scans, chosen.settings)
-    else:
-        cloud = read_cloud(clouds[0], chosen.settings.cloud.options())
-    patches = cut(cloud, chosen.settings.segment.settings())
+    claim_output(
+        target, force, inputs=[*clouds, chosen.scans.poses, settings.file], suffixes=(".patches", ".npz"), json=json
+    )
+    cloud = read_scans(clouds, chosen) if are_scans(clouds, chosen.scans) else read_cloud(clouds[0], chosen.cloud)
+    patches = cut(cloud, chosen.segment)
     report = {**patches.report, "area": float(measure_shapes(patches).area.sum())}
-    patches = dataclasses.replace(patches, report={**report, "sources": sources_of(chosen, "segment")})
+    patches = dataclasses.replace(patches, report={**report, "sources": sources_of(settings, "segment")})
     write_patches(target, patches)
     if json:
         content = {"cloud": " ".join(clouds), "output": target, "parameters": patches.parameters, "report": report}

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mapq.commands._options import Config
-from prf.shell.cli.options import Assignments, Force, Json, Output, Seed
+from mapq.configuration import Configuration, SimulateSettings, sources_of
+from prf.shell.cli.flags import with_settings
+from prf.shell.cli.options import Force, Json, Output, Seed
+from prf.shell.cli.settings import Loaded
 
 if TYPE_CHECKING:
     from mapq.simulate import Report
@@ -26,7 +28,10 @@ CITY, CITY_POINTS = "city", 10_000_000
 """Name of the size that is a folder of tiles, and its default number of points."""
 
 
+@with_settings(Configuration, "simulate")
 def simulate(
+    *,
+    settings: Loaded[Configuration],
     size: Annotated[
         str,
         typer.Option(
@@ -36,15 +41,6 @@ def simulate(
             "tiles in a folder.",
         ),
     ] = "medium",
-    n_points: Annotated[
-        int | None, typer.Option("--n-points", metavar="N", help="Points of the map, about.  [by --size]")
-    ] = None,
-    drift: Annotated[
-        float | None,
-        typer.Option("--drift", metavar="FACTOR", help="Drift of odometry, times the usual; 0 gives a clean map.  [1]"),
-    ] = None,
-    config: Config = None,
-    assignments: Assignments = None,
     seed: Seed = None,
     output: Output = None,
     force: Force = False,
@@ -56,10 +52,9 @@ def simulate(
     `truth` is 1 where passes over one true surface disagree in the map; docs/simulation.md describes the other fields
     and the table [simulate] of the settings. A city is made without a drive, tile by tile; docs/scale.md.
     """
-    from mapq.configuration import load_configuration
     from mapq.io import write_cloud
     from mapq.io.write import check_name
-    from mapq.simulate import Settings, simulate_with_report
+    from mapq.simulate import simulate_with_report
     from prf.shell.cli import storage
     from prf.shell.cli.console import say_beside
     from prf.shell.cli.outputs import claim_output
@@ -69,19 +64,19 @@ def simulate(
 
     if output is None:
         raise UsageError("the map has no name. Give one with -o MAP.ply.")
-    chosen = load_configuration({"config": config, "assignments": assignments}, "simulate").settings.simulate
-    changes = {**chosen.model_dump(), "n_points": n_points, "drift": drift}
+    given = sources_of(settings, "simulate")
     if size == CITY:
-        _make_city(output, changes, resolve_seed(seed), force, json)
+        _make_city(output, settings, resolve_seed(seed), force, json)
         return
     check_name(output)
     claim_output(output, force, json=json)
-    settings, used_seed = Settings.of_size(size, changes), resolve_seed(seed)
+    changes = {name: getattr(settings.settings.simulate, name) for name in given}
+    chosen, used_seed = SimulateSettings.of_size(size, changes), resolve_seed(seed)
     with progress(1.0, "casting beams") as bar:
-        simulation = simulate_with_report(settings, used_seed, bar)
+        simulation = simulate_with_report(chosen, used_seed, bar)
     write_cloud(output, simulation.cloud)
     if json:
-        content = {"output": output, "seed": used_seed, "settings": settings.model_dump()}
+        content = {"output": output, "seed": used_seed, "settings": chosen.model_dump()}
         storage.emit_object("mapq.simulate/1", {**content, **simulation.report._asdict()})
         return
     say = say_beside(output)
@@ -89,7 +84,7 @@ def simulate(
         say(f"{name:<16}{value}")
 
 
-def _make_city(folder: str, changes: dict[str, Any], seed: int, force: bool, json: bool) -> None:
+def _make_city(folder: str, settings: Loaded[Configuration], seed: int, force: bool, json: bool) -> None:
     """Write a city as LAZ tiles into a folder."""
     from mapq.simulate.city import write_city
     from prf.shell.cli import console, storage
@@ -98,9 +93,10 @@ def _make_city(folder: str, changes: dict[str, Any], seed: int, force: bool, jso
     from prf.shell.cli.progress import progress
     from prf.shell.errors import OutputExists, UsageError
 
-    others = [name for name, value in changes.items() if value is not None and name != "n_points"]
+    given = sources_of(settings, "simulate")
+    others = [source for name, source in given.items() if name != "n_points"]
     if others:
-        raise UsageError(f"{others[0]} is not for --size city, which is made without a drive.")
+        raise UsageError(f"{others[0]}: not for --size city, which is made without a drive.")
     if folder == STREAM:
         raise UsageError("a city is a folder of tiles. Name one with -o FOLDER.")
     if not os.path.isdir(folder):
@@ -108,7 +104,7 @@ def _make_city(folder: str, changes: dict[str, Any], seed: int, force: bool, jso
     elif os.listdir(folder) and not force:
         raise OutputExists(f"{folder} already exists. Use --force to overwrite.")
     claim(folder)
-    n_points = CITY_POINTS if changes["n_points"] is None else changes["n_points"]
+    n_points = settings.settings.simulate.n_points if "n_points" in given else CITY_POINTS
     with progress(1.0, "making tiles") as bar:
         counts = write_city(folder, n_points, seed, progress=bar)
     if json:

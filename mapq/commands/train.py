@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator
-from enum import StrEnum
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mapq.commands._options import Config, MaxFalseAlarms
+from mapq.configuration import Configuration, sources_of
 from prf.shell.cli.console import is_verbose
-from prf.shell.cli.options import Assignments, Force, Json, Output, Presets
+from prf.shell.cli.flags import with_settings
+from prf.shell.cli.options import Force, Json, Output
+from prf.shell.cli.settings import Loaded
 
 if TYPE_CHECKING:
     from mapq.model import Model
@@ -28,30 +29,16 @@ SCORES = ("accuracy", "precision", "recall", "mcc", "auc", "ece")
 MORE_SCORES = ("balanced_accuracy", "f1", "log_loss")
 
 
-class Objective(StrEnum):
-    """Objective of training."""
-
-    pl = "pl"
-    max_margin = "max-margin"
-
-
+@with_settings(Configuration, "features", "crf")
 def train(
     patches: Annotated[list[str], typer.Argument(metavar="PATCHES...", help="Labelled patches, from mapq label.")],
+    *,
+    settings: Loaded[Configuration],
     output: Output = None,
-    config: Config = None,
-    preset: Presets = None,
-    assignments: Assignments = None,
-    objective: Annotated[
-        Objective | None,
-        typer.Option(
-            "--objective", help="pl: maximum pseudo-likelihood; max-margin: structured support vector machine.  [pl]"
-        ),
-    ] = None,
     conservative: Annotated[
         bool,
         typer.Option("--conservative", help="Patches without a label count as suspicious: not surely plausible."),
     ] = False,
-    max_false_alarms: MaxFalseAlarms = None,
     json: Json = False,
     force: Force = False,
 ) -> None:
@@ -62,27 +49,19 @@ def train(
     prints all columns and scores.
     """
     from mapq.api import train as fit
-    from mapq.configuration import load_configuration, sources_of
-    from mapq.crf.calibration import with_false_alarms
     from mapq.io.models import SCHEMA, model_content, write_model
     from prf.shell.cli import storage
     from prf.shell.cli.console import say_beside
     from prf.shell.cli.outputs import claim_output
 
     target = output or "model.json"
-    given: dict[str, object] = {"config": config, "preset": preset, "assignments": assignments}
-    given |= {"objective": objective, "max_false_alarms": max_false_alarms}
-    chosen = load_configuration(given, "features", "crf")
-    sources = {table: sources_of(chosen, table) for table in ("features", "crf")}
-    reading, settings = chosen.settings.features.settings(), chosen.settings.crf.settings()
+    sources = {table: sources_of(settings, table) for table in ("features", "crf")}
+    reading, chosen = settings.settings.features, settings.settings.crf
     if reading.reading == "literal" and "potential" not in sources["crf"]:
-        settings = dataclasses.replace(settings, potential="linear")
-    claim_output(target, force, inputs=[*patches, config], suffixes=(".json",), json=json)
-    model = fit(patches, settings, reading, conservative=conservative)
+        chosen = chosen.replace(potential="linear")
+    claim_output(target, force, inputs=[*patches, settings.file], suffixes=(".json",), json=json)
+    model = fit(patches, chosen, reading, conservative=conservative)
     model = dataclasses.replace(model, training={**model.training, "sources": sources})
-    share = chosen.settings.crf.max_false_alarms
-    if share is not None:
-        model = with_false_alarms(model, share, target)
     write_model(target, model)
     if json:
         storage.emit_object(SCHEMA, {**model_content(model), "output": target})

@@ -7,4 +7,3 @@ from mapq.crf.explain import Terms as Terms
 from mapq.crf.explain import explain as explain
 from mapq.crf.graph_cut import Labelling as Labelling
 from mapq.crf.graph_cut import classify as classify
-from mapq.crf.settings import TrainSettings as TrainSettings

@@ -9,11 +9,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mapq.configuration import TrainSettings
 from mapq.crf.calibration import choose_calibration, fit_temperature, log_loss, operating_points
 from mapq.crf.energy import make_field
 from mapq.crf.graph_cut import solve
 from mapq.crf.pseudo_likelihood import objective
-from mapq.crf.settings import MAX_MARGIN, TREES, TrainSettings
 from mapq.crf.train import (
     Prepared,
     Strength,
@@ -98,9 +98,9 @@ def train(maps: Sequence[TrainingMap], settings: TrainSettings | None = None) ->
     """
     settings = settings or TrainSettings()
     require_labels(maps)
-    folds = _usable_folds(maps, settings.n_folds)
+    folds = _usable_folds(maps, settings.folds)
     potential, importance = None, dict[str, float]()
-    if settings.potential == TREES:
+    if settings.potential == "trees":
         columns = [columns_of(training_map.features) for training_map in maps]
         maps, folds, potential = with_trees(maps, columns, folds, settings)
         importance = potential.importance(columns)
@@ -126,7 +126,7 @@ def train(maps: Sequence[TrainingMap], settings: TrainSettings | None = None) ->
         model = replace(model, calibration=calibrated.calibration, operating=points)
         truth = (trial.y > 0.0).astype(np.uint8)
         held_out = HeldOut(truth, trial.label, calibrated.probability, calibrated.losses)
-    plain = make_problem(prepared, labels, replace(settings, balanced=False), Strength(0.0, 0.0))
+    plain = make_problem(prepared, labels, settings.replace(class_weight="none"), Strength(0.0, 0.0))
     likelihood = -objective(plain, weights) / len(plain.y)
     return Trained(model, chosen, scores, held_out, len(folds), likelihood, importance)
 
@@ -152,7 +152,7 @@ def with_trees(
     seen = [*columns, *(bare[number] for number in twice)]
     labels = [signs(maps[number].label) for number in sources]
     masks = [[fold[number] for number in sources] for fold in folds]
-    weights = patch_weights(labels, settings.balanced)
+    weights = patch_weights(labels, settings.class_weight == "balanced")
     potential = grow(seen, labels, weights)
     evidence = [potential.log_odds(each) for each in seen]
     for mask in masks:
@@ -170,8 +170,8 @@ def with_trees(
 
 def _strengths(settings: TrainSettings, n_labelled: int) -> list[Strength]:
     """Return the strengths to try; what the settings give is not varied, nor the coupling where there is none."""
-    margin = settings.objective == MAX_MARGIN
-    usual = MARGIN_STRENGTHS if margin else STRENGTHS[: 1 if settings.potential == TREES else None]
+    margin = settings.objective == "max-margin"
+    usual = MARGIN_STRENGTHS if margin else STRENGTHS[: 1 if settings.potential == "trees" else None]
     tried = usual if settings.regularisation is None else (settings.regularisation,)
     if settings.edge_model == NONE:
         return [Strength(weights, weights) for weights in tried]

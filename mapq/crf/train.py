@@ -9,10 +9,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mapq.configuration import TrainSettings
 from mapq.crf.energy import Inputs, label_design, make_inputs, node_columns, require_finite, unary_design
 from mapq.crf.max_margin import GAP, fit_margin, make_part
 from mapq.crf.pseudo_likelihood import Problem, fit
-from mapq.crf.settings import MAX_MARGIN, TREES, TrainSettings
 from mapq.features.table import PatchFeatures
 from mapq.labels import SUSPICIOUS, UNLABELLED
 from mapq.model import CLIP, EVIDENCE, NONE, Scaling
@@ -62,7 +62,7 @@ def prepare(maps: Sequence[TrainingMap], settings: TrainSettings) -> Prepared:
     """
     for training_map in maps:
         require_finite(training_map.features)
-    with_trees = settings.potential == TREES
+    with_trees = settings.potential == "trees"
     node_names = maps[0].features.node_names
     x_range = fit_range(np.concatenate([m.features.plausibility for m in maps]))
     if with_trees:
@@ -100,7 +100,7 @@ def make_problem(
         np.hstack([unary, label_design(inputs, settings.edge_model, y)])
         for inputs, unary, y in zip(prepared.inputs, prepared.unary, signed, strict=True)
     ]
-    y, importance = np.concatenate(signed), np.concatenate(patch_weights(signed, settings.balanced))
+    y, importance = np.concatenate(signed), np.concatenate(patch_weights(signed, settings.class_weight == "balanced"))
     n_unary, n_weights = prepared.unary[0].shape[1], rows[0].shape[1]
     precision = precisions(n_unary, settings.edge_model, strength)
     known = y != 0.0
@@ -111,7 +111,7 @@ def fit_weights(
     prepared: Prepared, labels: Sequence[NDArray[np.uint8]], settings: TrainSettings, strength: Strength
 ) -> NDArray[np.float64]:
     """Return the weights of least objective, regularised, in the order of the model's parameter names."""
-    if settings.objective == MAX_MARGIN:
+    if settings.objective == "max-margin":
         return margin_weights(prepared, labels, settings, strength)
     return fit(make_problem(prepared, labels, settings, strength))
 
@@ -121,7 +121,7 @@ def margin_weights(
 ) -> NDArray[np.float64]:
     """Return the weights of maximum margin; a wrong label costs what the patch weighs in the pseudo-likelihood."""
     signed = [signs(label) for label in labels]
-    costs = patch_weights(signed, settings.balanced)
+    costs = patch_weights(signed, settings.class_weight == "balanced")
     parts = [make_part(*each) for each in zip(prepared.inputs, prepared.unary, signed, costs, strict=True)]
     precision = precisions(prepared.unary[0].shape[1], settings.edge_model, strength)
     found = fit_margin([part for part in parts if len(part.y)], settings.edge_model, precision)

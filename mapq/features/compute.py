@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import NDArray
 
 from mapq.axes import GroundPlan, corner_of, from_corner, turn, turn_patches
+from mapq.configuration import IN_MODELS, STORED, FeatureSettings
 from mapq.features import literal
 from mapq.features.context import Beyond, measure_context
 from mapq.features.pairs import EDGE_NAMES, PatchGraph, edge_features, find_neighbours, take_pairs
-from mapq.features.settings import FeatureSettings
 from mapq.features.shape import (
     NODE_NAMES,
     SHAPE_NAMES,
@@ -22,8 +20,10 @@ from mapq.features.shape import (
     up_direction,
 )
 from mapq.features.table import PatchFeatures
+from mapq.model import Model
 from mapq.patches import Patches
 from prf.shell.cli.progress import Report, report_nothing
+from prf.shell.errors import ArgumentError, InputError
 
 N_STEPS = 3
 """What `progress` counts to: patches measured, neighbours found, pairs measured."""
@@ -49,7 +49,7 @@ def patch_features(
     x, y, z = turn(up, quarter).tolist()
     turned = turn_patches(patches, quarter)
     own = from_corner(turned, corner_of(turned))
-    found = measure(own, replace(settings, up=(x, y, z)), progress=progress)
+    found = measure(own, settings.replace(up=(x, y, z)), progress=progress)
     return found._replace(parameters={**found.parameters, "up": up.tolist()})
 
 
@@ -115,3 +115,18 @@ def _with_pairs(
         edge_names=(*EDGE_NAMES, *of_pairs),
         context_names=tuple(of_pairs),
     )
+
+
+def feature_settings(model: Model) -> FeatureSettings:
+    """Return the settings with which the model's features were measured.
+
+    Raises InputError if one is missing, unknown, or outside its domain.
+    """
+    names = {STORED.get(name, name): name for name in IN_MODELS}
+    for name in sorted(set(names) ^ set(model.features)):
+        state = "is missing" if name in names else "is not known to this release"
+        raise InputError(f"the model's feature setting {name} {state}. Train the model anew.")
+    try:
+        return FeatureSettings(**{names[name]: value for name, value in model.features.items()})
+    except ArgumentError as error:
+        raise InputError(f"the model's feature settings cannot be used ({error}) Train the model anew.") from None

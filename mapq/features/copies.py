@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from mapq.features.settings import FeatureSettings
+from mapq.configuration import FeatureSettings
 from mapq.features.shape import PatchShapes, horizontal_directions
 from mapq.kernels.copies import layers_over, self_shifts
 from mapq.kernels.voxels import Nearby, fill_table, voxel_keys

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
+from mapq.configuration import FeatureSettings
 from mapq.features.pairs import PatchGraph, angles
-from mapq.features.settings import FeatureSettings
 from mapq.features.shape import PatchShapes
 
 NODE_NAMES = ("inverse_mse", "inverse_up_cosine", "volume_per_area")

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mapq.features.settings import FeatureSettings
+from mapq.configuration import FeatureSettings
 from mapq.features.shape import PatchShapes
 from mapq.kernels.box_trees import closest_patches, near_boxes
 from mapq.kernels.crossing import crossings
@@ -41,11 +41,11 @@ def find_neighbours(shapes: PatchShapes, settings: FeatureSettings, own: NDArray
     Equally close ones are taken largest first, then by their place. In the safe reading those watched for conflicts
     are returned as well, which only measuring them can show.
     """
-    n_watched = settings.n_watched if settings.reading == "safe" else 0
-    pairs, distance, middle = measure_candidates(shapes, settings, max(settings.n_neighbours, n_watched))
-    watched = closest_of_each(pairs, distance, shapes.size_rank, max(settings.n_neighbours, n_watched), own)
+    n_watched = settings.watched if settings.reading == "safe" else 0
+    pairs, distance, middle = measure_candidates(shapes, settings, max(settings.neighbours, n_watched))
+    watched = closest_of_each(pairs, distance, shapes.size_rank, max(settings.neighbours, n_watched), own)
     close = np.zeros(len(pairs), np.bool_)
-    close[closest_of_each(pairs, distance, shapes.size_rank, settings.n_neighbours, own)] = True
+    close[closest_of_each(pairs, distance, shapes.size_rank, settings.neighbours, own)] = True
     kept = watched[np.lexsort((pairs[watched, 1], pairs[watched, 0]))]
     return PatchGraph(len(shapes), pairs[kept].astype(np.int32), distance[kept], middle[kept], close[kept])
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mapq.features.settings import FeatureSettings
+from mapq.configuration import FeatureSettings
 from mapq.kernels.box_trees import Trees, make_boxes
 from mapq.kernels.occupied_area import occupied_areas, occupied_cells
 from mapq.kernels.order_statistics import quantiles

@@ -1,7 +1,6 @@
 """Reading and writing clouds, patches, results and models."""
 
 from mapq.io.clouds import read_cloud as read_cloud
-from mapq.io.options import ReadOptions as ReadOptions
 from mapq.io.patches import is_patches as is_patches
 from mapq.io.patches import read_patches as read_patches
 from mapq.io.patches import write_patches as write_patches

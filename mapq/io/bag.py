@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapq.cloud import PointCloud
+from mapq.configuration import ReadOptions
 from mapq.io.content import ACCEPTED, Content
 from mapq.io.fields import (
     TIME,
@@ -23,7 +24,6 @@ from mapq.io.fields import (
     original_names,
     refuse_doubles,
 )
-from mapq.io.options import ReadOptions
 from prf.shell.errors import ConfigError, InputError
 from prf.shell.poses.bag import Bag, Message, bag_in, open_bag, seconds
 from prf.shell.poses.tf import FrameTree, Rigid, frame_name, turned

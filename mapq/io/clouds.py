@@ -10,6 +10,7 @@ from typing import Literal
 import numpy as np
 
 from mapq.cloud import PointCloud
+from mapq.configuration import AS_IT_IS, ReadOptions
 from mapq.io.bag import read_bag
 from mapq.io.content import ACCEPTED, Content, damage_in_one_line, suffix_of
 from mapq.io.e57 import read_e57
@@ -17,7 +18,6 @@ from mapq.io.kitti import read_kitti
 from mapq.io.las import read_las
 from mapq.io.npy import MAGIC as NPY_MAGIC
 from mapq.io.npy import ZIP_MAGIC, read_npy, read_npz
-from mapq.io.options import AS_IT_IS, ReadOptions
 from mapq.io.pcd import read_pcd
 from mapq.io.ply import MAGIC as PLY_MAGIC
 from mapq.io.ply import read_ply

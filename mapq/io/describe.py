@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from mapq.cloud import PointCloud
+from mapq.configuration import AS_IT_IS, ReadOptions
 from mapq.io.clouds import parse_cloud
 from mapq.io.content import Content, damage_in_one_line, suffix_of
 from mapq.io.fields import Array
-from mapq.io.options import AS_IT_IS, ReadOptions
 from mapq.io.patches import SCHEMA as PATCHES_SCHEMA
 from mapq.io.patches import holds_patches, parse_patches
 from mapq.io.result_folder import ResultFolder, is_result_folder, open_result_folder

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapq.cloud import PointCloud
+from mapq.configuration import ReadOptions
 from mapq.io.content import Content
 from mapq.io.fields import LARGEST_COORDINATE, Array, cloud_of_world, fields_of_scans, joined_fields, warn_dropped
-from mapq.io.options import ReadOptions
 from prf.shell.errors import InputError, require
 
 CARTESIAN = ("cartesianX", "cartesianY", "cartesianZ")

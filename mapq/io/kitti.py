@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapq.cloud import PointCloud
+from mapq.configuration import ReadOptions
 from mapq.io.content import Content
 from mapq.io.fields import LARGEST_COORDINATE, make_cloud
-from mapq.io.options import ReadOptions
 from prf.shell.errors import InputError
 
 NAMES = ("x", "y", "z", "intensity")

@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapq.cloud import PointCloud
+from mapq.configuration import ReadOptions
 from mapq.io.content import Content, damage_in_one_line
 from mapq.io.fields import Array, check_coordinates, cloud_of_world, warn_dropped
 from mapq.io.las_unit import SYSTEM_USER, unit_of
-from mapq.io.options import ReadOptions
 from prf.shell.errors import InputError, require
 
 if TYPE_CHECKING:

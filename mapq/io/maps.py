@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapq.cloud import PointCloud
+from mapq.configuration import AS_IT_IS, ReadOptions
 from mapq.io.clouds import parse_cloud
 from mapq.io.content import Content
-from mapq.io.options import AS_IT_IS, ReadOptions
 from mapq.io.patches import holds_patches, parse_patches
 from mapq.io.result_folder import ResultFolder, is_result_folder, open_result_folder
 from mapq.io.results import RESULT_FIELDS, json_beside, read_result_json

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from mapq.cloud import PointCloud
+from mapq.configuration import ReadOptions
 from mapq.io.content import Content
 from mapq.io.fields import NUMBERS, Array, axes_of, columns_of, make_cloud
-from mapq.io.options import ReadOptions
 from mapq.io.text import numbered_columns
 from prf.shell.errors import InputError
 

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from mapq.cloud import PointCloud
+from mapq.configuration import ReadOptions
 from mapq.io.content import Content, damage_in_one_line
 from mapq.io.fields import Array, axes_of, columns_of, make_cloud, refuse_doubles
-from mapq.io.options import ReadOptions
 from mapq.io.text import as_count, parse_rows
 from prf.shell.errors import InputError, require
 

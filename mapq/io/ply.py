@@ -15,9 +15,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mapq.cloud import PointCloud
+from mapq.configuration import ReadOptions
 from mapq.io.content import Content
 from mapq.io.fields import Array, axes_of, columns_of, free_name, make_cloud, refuse_doubles, scalar_columns
-from mapq.io.options import ReadOptions
 from mapq.io.text import parse_rows
 from prf.shell.cli.files import open_output
 from prf.shell.errors import InputError, OutputError

@@ -9,9 +9,9 @@ from itertools import islice
 import numpy as np
 
 from mapq.cloud import PointCloud
+from mapq.configuration import ReadOptions
 from mapq.io.content import Content
 from mapq.io.fields import Array, columns_of, fields_of_scans, joined_fields, make_cloud
-from mapq.io.options import ReadOptions
 from mapq.io.text import parse_rows
 from prf.shell.errors import InputError
 

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapq.cloud import PointCloud, choose_shift
+from mapq.configuration import AS_IT_IS, ReadOptions
 from mapq.io.las import LasHead, read_las_head, read_las_pieces
-from mapq.io.options import AS_IT_IS, ReadOptions
 from mapq.io.results import PATCH, RESULT_FIELDS, stated_unit
 from mapq.io.write import LAS_SUFFIXES
 from mapq.labels import NO_PATCH

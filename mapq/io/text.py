@@ -16,9 +16,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mapq.cloud import PointCloud
+from mapq.configuration import ReadOptions
 from mapq.io.content import Content
 from mapq.io.fields import Array, axes_of, columns_of, make_cloud, refuse_doubles, warn_dropped
-from mapq.io.options import ReadOptions
 from prf.shell.errors import InputError
 
 UNIT_TOL = 1e-3

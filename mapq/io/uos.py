@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from mapq.cloud import PointCloud
+from mapq.configuration import ReadOptions
 from mapq.io.content import Content
 from mapq.io.fields import LARGEST_COORDINATE, cloud_of_world
-from mapq.io.options import ReadOptions
 from mapq.io.text import as_count, numbered_columns, parse_rows
 from prf.shell.errors import InputError
 

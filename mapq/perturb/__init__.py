@@ -2,6 +2,4 @@
 
 from mapq.perturb.build import Built as Built
 from mapq.perturb.build import build as build
-from mapq.perturb.errors import PoseErrors as PoseErrors
 from mapq.perturb.errors import displaced as displaced
-from mapq.perturb.label import Rule as Rule

@@ -1,21 +1,29 @@
-"""`build`: posed scans to a labelled map."""
+"""`build`: posed scans to a labelled map; its files are the cloud, and a JSON with how it was made."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mapq.cloud import PointCloud
+from mapq.configuration import MergeSettings, PerturbSettings
+from mapq.io.write import check_name, write_cloud
 from mapq.labels import PLAUSIBLE, SUSPICIOUS, UNLABELLED
-from mapq.perturb.errors import PoseErrors, displaced
+from mapq.perturb.errors import displaced
 from mapq.perturb.known import Disagreement, find_surfaces, known_disagreement
-from mapq.perturb.label import Rule, label_points
 from mapq.perturb.measure import measured_disagreement
 from mapq.posed import PosedScans, drive_passes
-from mapq.posed.merge import Merged, MergeSettings, map_of, merge
+from mapq.posed.merge import Merged, map_of, merge
+from prf.shell.cli.files import STREAM, atomic_write, together
+from prf.shell.cli.outputs import claim_output
+from prf.shell.cli.storage import dump_object
+from prf.shell.errors import UsageError
+
+SCHEMA = "mapq.perturb/1"
 
 Floats = NDArray[np.float64]
 
@@ -29,9 +37,8 @@ class Built(NamedTuple):
 
 def build(
     scans: PosedScans,
-    errors: PoseErrors | None = None,
-    rule: Rule | None = None,
-    settings: MergeSettings | None = None,
+    settings: PerturbSettings | None = None,
+    merging: MergeSettings | None = None,
     reference: Floats | None = None,
     seed: int = 0,
     progress: Callable[[float], None] = lambda share: None,
@@ -41,10 +48,9 @@ def build(
     Parameters
     ----------
     scans : PosedScans
-    errors : PoseErrors
-        Added to the poses; None: the poses as they are.
-    rule : Rule
-    settings : MergeSettings
+    settings : PerturbSettings
+        Errors that are added to the poses, and bounds of the labels.
+    merging : MergeSettings
     reference : (k, 4, 4) float64, optional
         The right poses. None: with errors the poses before them; without, no poses are known to be right, and what
         disagrees is measured by registration of small pieces.
@@ -55,30 +61,28 @@ def build(
 
     Raises
     ------
-    UsageError
-        For errors of poses that are negative, not finite, or too large.
     InputError
         If a scan cannot be read or no point is left.
     """
-    errors, rule, settings = errors or PoseErrors(), rule or Rule(), settings or MergeSettings()
-    merged = merge(scans, settings, lambda done: progress(0.5 * done / len(scans)))
-    used = scans.poses if errors.is_none else displaced(scans.poses, errors, seed)
-    right = reference if reference is not None or errors.is_none else scans.poses
-    sided = not settings.submaps
+    settings, merging = settings or PerturbSettings(), merging or MergeSettings()
+    merged = merge(scans, merging, lambda done: progress(0.5 * done / len(scans)))
+    used = scans.poses if settings.moves_nothing else displaced(scans.poses, settings, seed)
+    right = reference if reference is not None or settings.moves_nothing else scans.poses
+    sided = not merging.submaps
     if right is not None:
-        surfaces = find_surfaces(merged, right, rule.reach, sided)
+        surfaces = find_surfaces(merged, right, settings.reach, sided)
         progress(0.8)
-        found = known_disagreement(surfaces, right, used, rule.plausible_below)
+        found = known_disagreement(surfaces, right, used, settings.plausible_below)
         basis: dict[str, Any] = {"labels_from": "reference poses", "reach": surfaces.reach}
     else:
         share = 0.5 / len(scans)
         found = measured_disagreement(
-            merged, used, rule.search, sided, rule.suspicious_above, lambda n: progress(0.5 + share * n)
+            merged, used, settings.search, sided, settings.suspicious_above, lambda n: progress(0.5 + share * n)
         )
         basis = {"labels_from": "registration"}
-    label = label_points(found.metres, rule)
+    label = label_points(found.metres, settings)
     labels: dict[str, NDArray[Any]] = {"suspicious": label, "disagreement": found.metres.astype(np.float32)}
-    cloud = map_of(merged, used, scans, settings, labels)
+    cloud = map_of(merged, used, scans, merging, labels)
     progress(1.0)
     return Built(cloud, {**basis, **_counts(merged, found, label), "scans": _rows(scans, merged, used, right)})
 
@@ -111,3 +115,39 @@ def _rows(scans: PosedScans, merged: Merged, used: Floats, right: Floats | None)
             row["reference"] = right[scan, :3].ravel()
         rows.append(row)
     return rows
+
+
+def label_points(metres: NDArray[np.float64], rule: PerturbSettings) -> NDArray[np.uint8]:
+    """Return the label (n,) of each point: suspicious, plausible, or `UNLABELLED` where ambiguous or not known."""
+    with np.errstate(invalid="ignore"):
+        label = np.where(metres > rule.suspicious_above, SUSPICIOUS, UNLABELLED)
+        label[metres <= rule.plausible_below] = PLAUSIBLE
+    return label.astype(np.uint8)
+
+
+def target_files(output: str | None, force: bool) -> tuple[str, str]:
+    """Return the names of the map and of its JSON, both of them free to be written."""
+    if output is None:
+        raise UsageError("the map has no name. Give one with -o MAP.ply.")
+    name = Path(output)
+    if output == STREAM or name.suffix == ".json":
+        raise UsageError("a labelled map is a PLY and a JSON of the same name. Name the PLY with -o MAP.ply.")
+    check_name(output)
+    targets = str(name if name.suffix else name.with_suffix(".ply")), str(name.with_suffix(".json"))
+    for target in targets:
+        claim_output(target, force)
+    return targets
+
+
+def write_map(targets: tuple[str, str], built: Built, head: Mapping[str, Any]) -> dict[str, Any]:
+    """Write both files, which take their places together, and return the content of the JSON: `head` and the report."""
+    path, beside = targets
+    label = built.cloud.fields["suspicious"]
+    kinds = {"suspicious": SUSPICIOUS, "plausible": PLAUSIBLE, "without_label": UNLABELLED}
+    counts = {f"n_{name}": int(np.count_nonzero(label == kind)) for name, kind in kinds.items()}
+    content = {**head, **built.report, "files": [{"path": path, "n_points": len(built.cloud), **counts}]}
+    with together():
+        write_cloud(path, built.cloud)
+        with atomic_write(beside) as stream:
+            stream.write(dump_object(SCHEMA, content) + "\n")
+    return content

@@ -2,63 +2,20 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
+from mapq.configuration import PerturbSettings
 from mapq.posed.scans import drive_passes, driven
 from prf.shell.cli.provenance import spawn_generators
-from prf.shell.errors import UsageError
 
 Floats = NDArray[np.float64]
 
 STANDING = 1.0
 """Metres: on a shorter way errors grow from scan to scan, not along it."""
-LARGEST = 1e4
-"""Metres, and degrees: larger errors are slips."""
 
 
-@dataclass(frozen=True)
-class PoseErrors:
-    """Sizes of the errors that poses get; all are horizontal, and any may be combined.
-
-    Attributes
-    ----------
-    offset : float
-        Metres by which every scan but the first is displaced, each in a direction of its own.
-    yaw : float
-        Degrees by which every scan but the first is turned about its sensor, to the left or the right.
-    drift : (float, float)
-        Metres and degrees that have accumulated at the last scan. The heading error grows evenly along the way and
-        turns all that follows, as odometry does.
-    missed_loop : (float, float)
-        Metres and degrees by which all scans from the first revisit on are displaced together: a loop closure that
-        was missed. Where the drive never returns to a place, the second half of the scans.
-    """
-
-    offset: float = 0.0
-    yaw: float = 0.0
-    drift: tuple[float, float] = (0.0, 0.0)
-    missed_loop: tuple[float, float] = (0.0, 0.0)
-
-    def check(self) -> None:
-        """Raise :class:`UsageError` for sizes that are negative, not finite, or absurd."""
-        sizes: dict[str, tuple[float, ...]] = {"--offset": (self.offset,), "--yaw": (self.yaw,)}
-        sizes |= {"--drift": self.drift, "--missed-loop": self.missed_loop}
-        for flag, values in sizes.items():
-            for value in values:
-                if not (math.isfinite(value) and 0.0 <= value <= LARGEST):
-                    raise UsageError(f"{flag} {value:g}: must be from 0 to {LARGEST:g}. The seed draws its sign.")
-
-    @property
-    def is_none(self) -> bool:
-        """Whether nothing is displaced."""
-        return not (self.offset or self.yaw or any(self.drift) or any(self.missed_loop))
-
-
-def displaced(poses: Floats, errors: PoseErrors, seed: int) -> Floats:
+def displaced(poses: Floats, errors: PerturbSettings, seed: int) -> Floats:
     """Return poses (k, 4, 4) with errors; the first scan stays where it is.
 
     Each kind of error draws from a generator of its own, so that one does not change the others.
@@ -67,10 +24,10 @@ def displaced(poses: Floats, errors: PoseErrors, seed: int) -> Floats:
     ----------
     poses : (k, 4, 4) float64
         ``T_map_scan`` in the order of time, z upwards.
-    errors : PoseErrors
+    errors : PerturbSettings
+        Its `offset`, `yaw`, `drift` and `missed_loop`; all are horizontal, and any may be combined.
     seed : int
     """
-    errors.check()
     in_drift, in_loop, in_offset, in_yaw = spawn_generators(seed, 4)
     moved = _drifted(poses, errors.drift, in_drift)
     moved = _with_missed_loop(moved, drive_passes(poses), errors.missed_loop, in_loop)

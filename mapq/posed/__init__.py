@@ -1,9 +1,7 @@
 """Posed scans: clouds in the frame of their sensor, and where the sensor was when it took each of them."""
 
-from mapq.posed.find import FindSettings as FindSettings
 from mapq.posed.find import find_scans as find_scans
 from mapq.posed.find import replace_poses as replace_poses
-from mapq.posed.merge import MergeSettings as MergeSettings
 from mapq.posed.merge import merge_scans as merge_scans
 from mapq.posed.scans import PosedScans as PosedScans
 from mapq.posed.scans import drive_passes as drive_passes

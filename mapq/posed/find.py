@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mapq.cloud import PointCloud
+from mapq.configuration import AS_IT_IS, FindSettings, ReadOptions
 from mapq.io.clouds import parse_cloud, recognise
 from mapq.io.content import Content, suffix_of
 from mapq.io.e57 import e57_poses, open_e57, read_e57_scan
-from mapq.io.options import AS_IT_IS, ReadOptions
 from mapq.io.pcd import read_viewpoint
 from mapq.io.ptx import ptx_pose, read_ptx_scan
 from mapq.io.uos import read_uos_pose
@@ -23,7 +22,7 @@ from mapq.posed.match import match_poses, times_of, with_poses_at
 from mapq.posed.poses import laser_poses, looks_ahead, read_calibration
 from mapq.posed.scans import PosedScans
 from prf.shell.errors import InputError, UsageError
-from prf.shell.poses.files import Order, PoseFile, check_rotations, read_pose_file
+from prf.shell.poses.files import PoseFile, check_rotations, read_pose_file
 
 logger = logging.getLogger(__name__)
 
@@ -34,36 +33,9 @@ LOOKED_AT = 8
 """Scans by which the frame of points is decided, about."""
 
 
-@dataclass(frozen=True)
-class FindSettings:
-    """What a user states about scans and poses besides their names.
-
-    Attributes
-    ----------
-    poses : str or None
-        File of poses; None: the one beside the scans.
-    calibration : str or None
-        calib.txt of KITTI where poses are those of a camera; None: the one beside the poses; "none": there is none.
-    pattern : str or None
-        Which files of a folder are scans, such as ``planes_*.bin``.
-    quaternion : {"xyzw", "wxyz"} or None
-        See :func:`prf.shell.poses.files.read_pose_file`.
-    frame : {"sensor", "map"} or None
-        Of the points. In the frame of the map poses only place the sensor. None: that of the sensor; of PCD
-        whose VIEWPOINT has the poses, the one that fits.
-    options : ReadOptions
-        How to read a scan; E57 states all of it.
-    """
-
-    poses: str | None = None
-    calibration: str | None = None
-    pattern: str | None = None
-    quaternion: Order | None = None
-    frame: str | None = None
-    options: ReadOptions = AS_IT_IS
-
-
-def find_scans(inputs: Sequence[str], settings: FindSettings | None = None) -> PosedScans:
+def find_scans(
+    inputs: Sequence[str], settings: FindSettings | None = None, options: ReadOptions = AS_IT_IS
+) -> PosedScans:
     """Return the scans of a folder or of files, with their poses.
 
     Scans are in the natural order of their names: 2 before 10, whatever order a shell gives.
@@ -73,6 +45,8 @@ def find_scans(inputs: Sequence[str], settings: FindSettings | None = None) -> P
     inputs : sequence of str
         One folder, one E57 file, or the files of the scans.
     settings : FindSettings
+    options : ReadOptions
+        How to read a scan; E57 states all of it.
 
     Raises
     ------
@@ -87,14 +61,14 @@ def find_scans(inputs: Sequence[str], settings: FindSettings | None = None) -> P
     if E57_SUFFIX in kinds:
         if settings.calibration not in (None, NO_CALIBRATION):
             raise InputError(f"{files[0]}: a calibration is not for E57, which has its poses. Leave out --calibration.")
-        if settings.options.unit is not None:
+        if options.unit is not None:
             raise InputError(f"{files[0]}: E57 is in metres, as its poses are. Leave out cloud.unit.")
         scans = _e57_scans(files)
         return scans if settings.poses is None else replace_poses(scans, settings.poses, settings)
     path = settings.poses or (None if kinds == {UOS_SUFFIX} else pose_file(files))
     if path is None:
         poses, frame = _own_poses(files, kinds)
-        return _listed(files, poses, None, replace(settings, frame=settings.frame or frame))
+        return _listed(files, poses, None, settings.frame or frame, options)
     table = with_poses_at(read_pose_file(path, settings.quaternion, QUATERNION_KEY), files)
     rows = match_poses(files, table, path)
     times = table.times if table.times is not None else _times_beside(path, files[0], len(table.poses))
@@ -103,7 +77,7 @@ def find_scans(inputs: Sequence[str], settings: FindSettings | None = None) -> P
         named = ", ".join(lost[:MOST_LISTED]) + (", ..." if len(lost) > MOST_LISTED else "")
         logger.warning("%s: no pose for %d of %d scans, which are left out: %s", path, len(lost), len(files), named)
     files, rows = [files[k] for k in np.flatnonzero(rows >= 0)], rows[rows >= 0]
-    return _listed(files, poses[rows], times_of(files) if times is None else times[rows], settings, path)
+    return _listed(files, poses[rows], times_of(files) if times is None else times[rows], settings.frame, options, path)
 
 
 def _files(inputs: Sequence[str], pattern: str | None) -> list[str]:
@@ -212,7 +186,8 @@ def _listed(
     files: Sequence[str],
     poses: NDArray[np.float64],
     times: NDArray[np.float64] | None,
-    settings: FindSettings,
+    frame: str | None,
+    options: ReadOptions,
     poses_from: str = "",
 ) -> PosedScans:
     """Return scans that are files of their own."""
@@ -220,10 +195,10 @@ def _listed(
     def load(number: int) -> PointCloud:
         content = Content(files[number])
         if recognise(content) == "ptx":  # with a pose of its own, which is not the one
-            scan, unit = read_ptx_scan(content), settings.options.unit
+            scan, unit = read_ptx_scan(content), options.unit
             return scan if unit is None else scan.in_unit(np.full(3, unit))
-        cloud = parse_cloud(content, settings.options)[1]
-        if settings.frame != "map":
+        cloud = parse_cloud(content, options)[1]
+        if frame != "map":
             return cloud
         local = (cloud.metric_of(cloud.xyz) - poses[number, :3, 3]) @ poses[number, :3, :3]
         return PointCloud.from_world(local, cloud.fields, cloud.source)

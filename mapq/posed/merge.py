@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 
 from mapq.axes import TO_SENSOR
 from mapq.cloud import SHIFT_ABOVE, PointCloud
+from mapq.configuration import MergeSettings
 from mapq.io.fields import SCAN, TIME, common_fields, original_names, to_sensor_fields
 from mapq.posed.check import warn_of_poses
 from mapq.posed.scans import PosedScans, drive_passes
@@ -29,34 +29,6 @@ PASS = "pass_id"
 """Field that numbers the passes of the drive."""
 BITS = 21
 """Of the number of a cell along each axis."""
-
-
-@dataclass(frozen=True)
-class MergeSettings:
-    """How scans become a map.
-
-    Attributes
-    ----------
-    voxel : float or None
-        Metres: of the points of a scan in one cube of this side the first is kept. None: all, up to `max_points`.
-    min_range, max_range : float or None
-        Metres from the sensor.
-    submaps : bool
-        Scans are sub-maps, made of many: they have no single sensor, so no rays, no sides and no passes.
-    max_points : int
-        Of the map: more are thinned by the smallest of the voxels 0.05, 0.1, 0.2 ... m that leaves no more.
-    """
-
-    voxel: float | None = None
-    min_range: float | None = None
-    max_range: float | None = None
-    submaps: bool = False
-    max_points: int = 10_000_000
-
-    @property
-    def reach(self) -> tuple[float, float]:
-        """Least and largest range of a return that counts, in metres."""
-        return self.min_range or (0.0 if self.submaps else AT_THE_SENSOR), self.max_range or np.inf
 
 
 class Merged(NamedTuple):
@@ -90,7 +62,7 @@ def merge(
     for scan in range(len(scans)):
         cloud = scans.read(scan)
         counts.append(len(cloud))
-        parts.append(thinned(_in_reach(cloud, settings.reach), voxel))
+        parts.append(thinned(_in_reach(cloud, range_of(settings)), voxel))
         while settings.voxel is None and (voxel or 0.0) < COARSEST and sum(map(len, parts)) > settings.max_points:
             # The first point of a cube is the first of one of its eighths, so that steps leave what one step would.
             voxel = FINEST if voxel is None else 2.0 * voxel
@@ -154,6 +126,11 @@ def thinned(cloud: PointCloud, voxel: float | None) -> PointCloud:
         return cloud
     _, first = np.unique(cell_keys(cloud.xyz, voxel, cloud.source), return_index=True)
     return cloud.take(np.sort(first))
+
+
+def range_of(settings: MergeSettings) -> tuple[float, float]:
+    """Return the least and largest range of a return that counts, in metres."""
+    return settings.min_range or (0.0 if settings.submaps else AT_THE_SENSOR), settings.max_range or np.inf
 
 
 def _in_reach(cloud: PointCloud, reach: tuple[float, float]) -> PointCloud:

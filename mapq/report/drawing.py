@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapq.cloud import PointCloud
+from mapq.configuration import AS_IT_IS, ReadOptions
 from mapq.io.maps import read_map
-from mapq.io.options import AS_IT_IS, ReadOptions
 from mapq.io.result_folder import thinned
 from mapq.io.results import RESULT_FIELDS, patch_counts
 from mapq.labels import NO_PATCH, PLAUSIBLE, SUSPICIOUS, UNLABELLED

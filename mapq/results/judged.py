@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mapq.configuration import AS_IT_IS, ReadOptions
 from mapq.io.maps import StoredResult, read_map
-from mapq.io.options import AS_IT_IS, ReadOptions
 from mapq.io.patches import is_patches
 from mapq.labels import NO_PATCH
 from mapq.model import Model

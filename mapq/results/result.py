@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from mapq.cloud import PointCloud
 from mapq.crf import Labelling, Terms, classify, explain
 from mapq.features import patch_features
-from mapq.features.settings import feature_settings
+from mapq.features.compute import feature_settings
 from mapq.features.table import PatchFeatures
 from mapq.io.maps import StoredResult
 from mapq.io.models import read_default_model

@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 from mapq.axes import GroundPlan, turn
 from mapq.cloud import PointCloud
+from mapq.configuration import SegmentSettings
 from mapq.patches import Patches
 from mapq.segmentation.core import Core, make_core
 from mapq.segmentation.join import describe_regions, join_regions, warnings_of
 from mapq.segmentation.parameters import Parameters, choose_parameters
 from mapq.segmentation.points import Points, sort_points
 from mapq.segmentation.regions import find_regions, spread_out
-from mapq.segmentation.settings import SegmentSettings as SegmentSettings
 from prf.shell.cli.progress import Report
 from prf.shell.errors import InputError
 
@@ -42,13 +42,12 @@ def segment(
     Largest first, unlabelled. There may be none: then the report has a warning.
     """
     settings = settings or SegmentSettings()
-    settings.check()
     _report(progress, 0)
     quarter = GroundPlan.of(cloud.xyz).quarter()
     points = sort_points(replace(cloud, xyz=turn(cloud.xyz, quarter)))
     _refuse_lines(points, cloud)
     _report(progress, 1)
-    chosen = choose_parameters(points, settings.turned(quarter))
+    chosen = choose_parameters(points, settings, quarter)
     region, core = cut_points(points, chosen, lambda stage: _report(progress, stage))
     _report(progress, 4)
     regions = describe_regions(points, region, points.multiplicity(), chosen)

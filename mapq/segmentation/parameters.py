@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapq.axes import turn
+from mapq.configuration import SegmentSettings
 from mapq.segmentation.points import Points
 from mapq.segmentation.scale import Scale, cell_side, find_scale
-from mapq.segmentation.settings import SegmentSettings
 
 DISTANCE_IN_NOISE = 3.0
 DISTANCE_IN_SPACING = 0.1
@@ -49,8 +49,10 @@ class Parameters(NamedTuple):
         return values
 
 
-def choose_parameters(points: Points, settings: SegmentSettings) -> Parameters:
-    """Return all parameters: those given, the others from spacing and noise of the cloud."""
+def choose_parameters(points: Points, settings: SegmentSettings, quarter: int) -> Parameters:
+    """Return all parameters: those given, the others from spacing and noise of points turned by so many quarters."""
+    x, y, z = turn(np.array(settings.up, np.float64), quarter).tolist()
+    settings = settings.replace(up=(x, y, z))
     scale = find_scale(points, settings)
     noise = _given(settings.noise, scale.noise)
     max_distance = max(DISTANCE_IN_NOISE * noise, DISTANCE_IN_SPACING * scale.spacing)

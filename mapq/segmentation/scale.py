@@ -7,10 +7,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mapq.configuration import SegmentSettings
 from mapq.kernels.cells import LEVELS, pick_one_a_cell
 from mapq.segmentation.points import Points
 from mapq.segmentation.sample import LARGE_SAMPLE, SAMPLE, Sample, look_at, usual_noise
-from mapq.segmentation.settings import SegmentSettings
 
 ENOUGH_FLAT, FEW_LINES, NEARLY_BEST = 0.5, 0.05, 0.9
 """Shares of neighbourhoods: with so many that show a plane and so few that are too narrow no coarser level is looked

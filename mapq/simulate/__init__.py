@@ -2,6 +2,5 @@
 
 from mapq.simulate.drive import Report, Simulation, simulate, simulate_with_report
 from mapq.simulate.scene import Kind
-from mapq.simulate.settings import SIZES, Settings
 
-__all__ = ["SIZES", "Kind", "Report", "Settings", "Simulation", "simulate", "simulate_with_report"]
+__all__ = ["Kind", "Report", "Simulation", "simulate", "simulate_with_report"]

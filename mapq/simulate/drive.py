@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapq.cloud import PointCloud
+from mapq.configuration import SimulateSettings
 from mapq.simulate.laser import Returns, choose_beams, count_beams, make_beams, observe
 from mapq.simulate.layout import Plan, add_block, block_waypoints, draw_plan
 from mapq.simulate.robot import Trajectory, drive_along, odometry
 from mapq.simulate.scene import MOVING, NO_SURFACE, Frame, Kind, SceneBuilder, World
-from mapq.simulate.settings import Settings
 from mapq.simulate.street import add_traffic
 from mapq.simulate.truth import Seen, Truth, judge
 from prf.shell.cli.provenance import spawn_generators
@@ -62,13 +62,13 @@ class Simulation(NamedTuple):
     report: Report
 
 
-def simulate(settings: Settings, seed: int) -> PointCloud:
+def simulate(settings: SimulateSettings, seed: int) -> PointCloud:
     """Return a simulated map with its truth, see :func:`simulate_with_report`."""
     return simulate_with_report(settings, seed).cloud
 
 
 def simulate_with_report(
-    settings: Settings, seed: int, progress: Callable[[float], None] = lambda share: None
+    settings: SimulateSettings, seed: int, progress: Callable[[float], None] = lambda share: None
 ) -> Simulation:
     """Build a world, drive through it, and render the map from odometry.
 
@@ -78,7 +78,7 @@ def simulate_with_report(
 
     Parameters
     ----------
-    settings : Settings
+    settings : SimulateSettings
     seed : int
         Not negative.
     progress : callable
@@ -100,7 +100,7 @@ def simulate_with_report(
     return _render(world, returns, way, believed, settings)
 
 
-def _build(builder: SceneBuilder, settings: Settings, rng: np.random.Generator) -> Trajectory:
+def _build(builder: SceneBuilder, settings: SimulateSettings, rng: np.random.Generator) -> Trajectory:
     """Build all blocks, each where the pathway of the one before ends and on its other side; return the way."""
     waypoints = []
     start, heading, side = np.zeros(2), 0.0, 1.0
@@ -123,7 +123,9 @@ def _frame(plan: Plan, start: Floats, heading: float, side: float) -> Frame:
     return turned._replace(origin=start - turned.place(plan.start))
 
 
-def _wanted_beams(world: World, way: Trajectory, settings: Settings, rng: np.random.Generator) -> NDArray[np.int64]:
+def _wanted_beams(
+    world: World, way: Trajectory, settings: SimulateSettings, rng: np.random.Generator
+) -> NDArray[np.int64]:
     """Return the numbers of the beams that give about the wanted number of points."""
     n_all = count_beams(way, settings.speed)
     probe = make_beams(choose_beams(n_all, PROBE, rng), way, settings.speed, settings.all_round)
@@ -131,7 +133,9 @@ def _wanted_beams(world: World, way: Trajectory, settings: Settings, rng: np.ran
     return choose_beams(n_all, round(settings.n_points / max(share, 0.01)), rng)
 
 
-def _render(world: World, returns: Returns, way: Trajectory, believed: Trajectory, settings: Settings) -> Simulation:
+def _render(
+    world: World, returns: Returns, way: Trajectory, believed: Trajectory, settings: SimulateSettings
+) -> Simulation:
     """Return the map: every return placed from where odometry has the robot at its time."""
     driven = settings.speed * returns.time
     _, heading = way.at(driven)
@@ -183,7 +187,7 @@ def _fields(
 
 
 def summarise(
-    cloud: PointCloud, world: World, truth: Truth, way: Trajectory, believed: Trajectory, settings: Settings
+    cloud: PointCloud, world: World, truth: Truth, way: Trajectory, believed: Trajectory, settings: SimulateSettings
 ) -> Report:
     """Return the numbers of one map."""
     surface = cloud.fields["surface"]

@@ -7,10 +7,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mapq.configuration import SimulateSettings
 from mapq.kernels.raycast import NOTHING, cast_beams
 from mapq.simulate.robot import Trajectory
 from mapq.simulate.scene import Kind, World
-from mapq.simulate.settings import Settings
 
 Floats = NDArray[np.float64]
 
@@ -103,7 +103,7 @@ def _directions(heading: Floats, pitch: Floats, angle: Floats) -> Floats:
     return np.stack([c * ahead - s * left, s * ahead + c * left, up], axis=1)
 
 
-def observe(world: World, beams: Beams, settings: Settings, rng: np.random.Generator) -> Returns:
+def observe(world: World, beams: Beams, settings: SimulateSettings, rng: np.random.Generator) -> Returns:
     """Cast the beams and return those that return and are kept, with noise, mixed ranges and losses."""
     n = len(beams.time)
     draws, noise, chance, luck = rng.random(n), rng.standard_normal(n), rng.random((n, 3)), rng.random(n)

@@ -7,10 +7,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mapq.configuration import SimulateSettings
 from mapq.simulate.buildings import SHED_CHANCE, add_facade, add_shed, draw_windows
 from mapq.simulate.robot import Waypoint
 from mapq.simulate.scene import Frame, Line, SceneBuilder, crossing, left_of, rotated, unit
-from mapq.simulate.settings import Settings
 from mapq.simulate.street import Row, add_archway, add_bush, add_garden_wall, add_row
 
 Floats = NDArray[np.float64]
@@ -58,7 +58,7 @@ class Plan(NamedTuple):
         return np.asarray(self.ring(0.5 * self.width)[0] + along * d + left * left_of(d))
 
 
-def draw_plan(settings: Settings, rng: np.random.Generator) -> Plan:
+def draw_plan(settings: SimulateSettings, rng: np.random.Generator) -> Plan:
     """Return the plan of one block: its sides vary by a tenth, its corners are not quite right angles."""
     length, depth = np.array([settings.block_length, settings.block_depth]) * rng.uniform(0.9, 1.1, 2)
     corners = np.array([(0.0, 0.0), (length, 0.0), (length, depth), (0.0, depth)])
@@ -81,7 +81,7 @@ def draw_plan(settings: Settings, rng: np.random.Generator) -> Plan:
     )
 
 
-def _draw_gardens(settings: Settings, largest: float, rng: np.random.Generator) -> Floats:
+def _draw_gardens(settings: SimulateSettings, largest: float, rng: np.random.Generator) -> Floats:
     """Return the sides of the gardens (4,) at the block's corners; at least one where there are look-alikes."""
     sides = np.minimum(rng.uniform(7.0, 10.0, 4), largest)
     wanted = rng.random(4) < 0.6 * settings.look_alikes
@@ -91,7 +91,7 @@ def _draw_gardens(settings: Settings, largest: float, rng: np.random.Generator) 
 
 
 def add_block(
-    builder: SceneBuilder, plan: Plan, frame: Frame, is_last: bool, settings: Settings, rng: np.random.Generator
+    builder: SceneBuilder, plan: Plan, frame: Frame, is_last: bool, settings: SimulateSettings, rng: np.random.Generator
 ) -> None:
     """Add the streets, buildings, gardens and the archway of one plan."""
     builder.frame = frame
@@ -170,7 +170,9 @@ def _pathway_rows(plan: Plan) -> list[Row]:
     return rows
 
 
-def _add_garden(builder: SceneBuilder, plan: Plan, corner: int, settings: Settings, rng: np.random.Generator) -> None:
+def _add_garden(
+    builder: SceneBuilder, plan: Plan, corner: int, settings: SimulateSettings, rng: np.random.Generator
+) -> None:
     """Add a garden at a corner with walls across the robot's way: it sees one face before the turn, the other after."""
     at, side = plan.corners[corner], plan.gardens[corner]
     along = unit(plan.corners[(corner + 1) % 4] - at)

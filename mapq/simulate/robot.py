@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mapq.simulate.settings import Settings
+from mapq.configuration import SimulateSettings
 
 Floats = NDArray[np.float64]
 
@@ -94,7 +94,7 @@ def _rounded(before: Floats, corner: Floats, after: Floats, radius: float) -> Fl
     return np.asarray(middle + np.stack([c * first[0] - s * first[1], s * first[0] + c * first[1]], axis=1))
 
 
-def odometry(truth: Trajectory, settings: Settings, rng: np.random.Generator) -> Trajectory:
+def odometry(truth: Trajectory, settings: SimulateSettings, rng: np.random.Generator) -> Trajectory:
     """Return the trajectory as odometry has it, which begins where the true one does.
 
     The heading error grows by a constant bias and a random walk, the driven length is wrong by a share that wanders

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mapq.configuration import SimulateSettings
 from mapq.simulate.buildings import (
     BALCONIES_CHANCE,
     HEDGE_CHANCE,
@@ -20,7 +21,6 @@ from mapq.simulate.buildings import (
 )
 from mapq.simulate.robot import Trajectory
 from mapq.simulate.scene import Kind, Line, SceneBuilder
-from mapq.simulate.settings import Settings
 
 Floats = NDArray[np.float64]
 
@@ -57,7 +57,7 @@ class Row(NamedTuple):
     is_street: bool
 
 
-def add_row(builder: SceneBuilder, row: Row, settings: Settings, rng: np.random.Generator) -> None:
+def add_row(builder: SceneBuilder, row: Row, settings: SimulateSettings, rng: np.random.Generator) -> None:
     """Add a row of buildings with its pavement, fences, cars, trees and lamps."""
     if row.is_street:
         add_pavement(builder, row.line)
@@ -85,12 +85,12 @@ def add_row(builder: SceneBuilder, row: Row, settings: Settings, rng: np.random.
     _add_furniture(builder, row, settings, rng)
 
 
-def _has(chance: float, settings: Settings, rng: np.random.Generator) -> bool:
+def _has(chance: float, settings: SimulateSettings, rng: np.random.Generator) -> bool:
     """Return whether a lot has something; a world without variety draws no numbers for it."""
     return settings.variety > 0.0 and bool(rng.random() < chance * settings.variety)
 
 
-def _lots(length: float, settings: Settings, rng: np.random.Generator) -> Iterator[tuple[float, float]]:
+def _lots(length: float, settings: SimulateSettings, rng: np.random.Generator) -> Iterator[tuple[float, float]]:
     """Yield where each building begins and ends; the last one takes the rest."""
     shortest, longest = settings.frontage
     start = 0.0
@@ -122,7 +122,7 @@ def _add_fence(builder: SceneBuilder, front: Line, rng: np.random.Generator) -> 
     add_railing(builder, front.piece(first, first + length).shifted(-rng.uniform(0.4, 1.3)), rng)
 
 
-def _add_furniture(builder: SceneBuilder, row: Row, settings: Settings, rng: np.random.Generator) -> None:
+def _add_furniture(builder: SceneBuilder, row: Row, settings: SimulateSettings, rng: np.random.Generator) -> None:
     """Add parked cars beside the kerb, trees and lamps on the pavement, bushes before the facades."""
     if not row.is_street:
         return
@@ -251,7 +251,7 @@ def _add_pier(builder: SceneBuilder, foot: Floats, line: Line, side: float) -> N
         builder.wall(a, b, (0.0, 2.6), Kind.ARCH)
 
 
-def add_traffic(builder: SceneBuilder, way: Trajectory, settings: Settings, rng: np.random.Generator) -> None:
+def add_traffic(builder: SceneBuilder, way: Trajectory, settings: SimulateSettings, rng: np.random.Generator) -> None:
     """Add people on the pavements and, where the street is wide enough, cars in the other lane."""
     for _ in range(rng.poisson(settings.clutter * way.length / METRES_PER_PERSON)):
         _add_person(builder, way, settings, rng)
@@ -261,7 +261,7 @@ def add_traffic(builder: SceneBuilder, way: Trajectory, settings: Settings, rng:
         _add_car(builder, way, settings, rng)
 
 
-def _add_person(builder: SceneBuilder, way: Trajectory, settings: Settings, rng: np.random.Generator) -> None:
+def _add_person(builder: SceneBuilder, way: Trajectory, settings: SimulateSettings, rng: np.random.Generator) -> None:
     """Add somebody who walks along the street for up to sixteen seconds, some metres before the robot."""
     distance = rng.uniform(0.0, way.length)
     side = rng.choice([-1.0, 1.0])
@@ -274,7 +274,7 @@ def _add_person(builder: SceneBuilder, way: Trajectory, settings: Settings, rng:
     builder.mover(start - span * velocity, velocity, times, rng.uniform(0.18, 0.28), (0.05, height), Kind.PERSON)
 
 
-def _add_car(builder: SceneBuilder, way: Trajectory, settings: Settings, rng: np.random.Generator) -> None:
+def _add_car(builder: SceneBuilder, way: Trajectory, settings: SimulateSettings, rng: np.random.Generator) -> None:
     """Add an oncoming car: a body and a cabin, both boxes; not where the robot turns."""
     distance = rng.uniform(0.0, way.length)
     _, headings = way.at(np.clip(distance + np.array([-6.0, 14.0]), 0.0, way.length))

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
+from mapq.configuration import SimulateSettings
 from mapq.simulate.scene import NO_SURFACE
-from mapq.simulate.settings import Settings
 
 Floats = NDArray[np.float64]
 
@@ -41,7 +41,7 @@ class Seen(NamedTuple):
     normal: Floats
 
 
-def judge(seen: Seen, settings: Settings) -> Truth:
+def judge(seen: Seen, settings: SimulateSettings) -> Truth:
     """Return the truth of every point.
 
     In a cell, points of which no two neighbours in time lie more than `settings.visit_gap` apart are one visit; a
@@ -117,7 +117,7 @@ class Visits(NamedTuple):
         return np.flatnonzero(self.planar & self.counted & (n_counted[self.cell] == 1))
 
 
-def disagreement_of_touching(visits: Visits, some: NDArray[np.intp], settings: Settings) -> Floats:
+def disagreement_of_touching(visits: Visits, some: NDArray[np.intp], settings: SimulateSettings) -> Floats:
     """Return for `some` visits (k,) the largest displacement along their normal from an earlier or later visit near by.
 
     Near by is a parallel cell (within 30 degrees) whose points lie in the mean not farther than a cell and a half. From

@@ -17,12 +17,12 @@ from scipy.spatial import cKDTree
 
 from mapq.axes import from_corner
 from mapq.cloud import PointCloud
+from mapq.configuration import FeatureSettings
 from mapq.features.compute import measure
 from mapq.features.context import Beyond
 from mapq.features.copies import ABOUT, FARTHEST
 from mapq.features.disagreement import OWNED, WINDOW, window_centres
 from mapq.features.provenance import Known
-from mapq.features.settings import FeatureSettings
 from mapq.features.shape import curve_places
 from mapq.features.table import PatchFeatures
 from mapq.kernels.voxels import voxel_keys
@@ -155,7 +155,7 @@ class Measuring:
     ) -> None:
         mse = whole.joined.mse
         if settings.noise is None and len(mse):
-            settings = replace(settings, noise=max(float(np.median(np.sqrt(mse))), settings.eps))
+            settings = settings.replace(noise=max(float(np.median(np.sqrt(mse))), settings.eps))
         self._whole, self._store, self._boxes, self._settings, self._workers = whole, store, boxes, settings, workers
         in_patches, others = (int((each[:, 2] - each[:, 1]).sum()) for each in (whole.slices, whole.rest))
         self._most = max(1, most * in_patches // max(in_patches + others, 1))

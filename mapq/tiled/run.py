@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from mapq.axes import GroundPlan, turn, turn_cloud
 from mapq.cloud import PointCloud
+from mapq.configuration import Configuration
 from mapq.crf import classify, explain
+from mapq.features.compute import feature_settings
 from mapq.features.provenance import FIELDS, Span, decide, span_of
-from mapq.features.settings import feature_settings
 from mapq.io.models import read_default_model
-from mapq.io.options import AS_IT_IS, ReadOptions
 from mapq.io.results import result_cloud
 from mapq.labels import SUSPICIOUS
 from mapq.model import Model
@@ -28,7 +28,6 @@ from mapq.segmentation import FEWEST_POINTS
 from mapq.segmentation.join import warnings_of
 from mapq.segmentation.parameters import Parameters, choose_parameters
 from mapq.segmentation.points import FAR, sort_points
-from mapq.segmentation.settings import SegmentSettings
 from mapq.tiled.cut import CutTask, Whole, cut_tile, unite
 from mapq.tiled.measure import Measuring
 from mapq.tiled.output import plan_output, write_map
@@ -38,12 +37,8 @@ from mapq.tiled.tiling import HALO_IN_GAPS, HALO_IN_SPACING, Counts, Tiling, cel
 from mapq.tiled.workers import Workers, open_workers
 from prf.shell.cli.files import work_folder
 from prf.shell.cli.progress import Report, progress
-from prf.shell.errors import InputError, UsageError
+from prf.shell.errors import InputError
 
-TILE_POINTS = 2_500_000
-"""Points of a tile, about: a worker needs half a gigabyte for them, and at most as much again."""
-FEWEST_TILE_POINTS = 10_000
-MOST_WORKERS = 1024
 SAMPLE = 3_000_000
 """Points of which parameters are estimated, about; smaller maps are used whole."""
 SAMPLE_CELL = 16.0
@@ -55,32 +50,11 @@ STAGES = ("counting", "sorting", "segmenting", "measuring", "finding causes", "w
 Floats = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class TileSettings:
-    """How a map is worked on in tiles, and by whom."""
-
-    tile_points: int = TILE_POINTS  # points of a tile, about
-    n_workers: int = 1  # processes on this machine
-    scheduler: str | None = None  # address of a Dask scheduler, whose workers are used instead
-    segment: SegmentSettings = field(default_factory=SegmentSettings)
-    options: ReadOptions = AS_IT_IS
-
-    def check(self) -> None:
-        """Raise UsageError for settings outside their domains."""
-        self.segment.check()
-        if self.tile_points < FEWEST_TILE_POINTS:
-            raise UsageError(f"--tile-points {self.tile_points}: must be at least {FEWEST_TILE_POINTS}.")
-        if not 1 <= self.n_workers <= MOST_WORKERS:
-            raise UsageError(f"--workers {self.n_workers}: must be from 1 to {MOST_WORKERS}.")
-        if self.scheduler is not None and self.n_workers != 1:
-            raise UsageError("--workers and --scheduler exclude one another: Dask has workers of its own.")
-
-
 def classify_map(
     path: str,
     target: str,
     model: Model | None,
-    settings: TileSettings,
+    settings: Configuration,
     force: bool,
     origin: Origin | None = None,
     limits: tuple[float | None, float] = (None, MIN_COVERAGE),
@@ -89,17 +63,18 @@ def classify_map(
     """Classify a map tile by tile, and write the result.
 
     `path`: A file, or a folder of LAS or LAZ tiles. `target`: A cloud, beside which the JSON is written; or for a
-    folder a folder, with tiles named as in the input. `model`: None: the model that ships with the package. `force`:
+    folder a folder, with tiles named as in the input. `settings`: those
+    of tiles, segment and cloud. `model`: None: the model that ships with the package. `force`:
     whether an existing result may be replaced. `origin`: inputs that the JSON names. `limits` (float or None, float):
     of the verdict: fail_over and min_coverage. `sources`: where each setting of the segmentation was given. Raises
     InputError, UsageError, ConfigError, OutputError as reading, segmenting, the workers and writing do.
     """
-    settings.check()
-    files = open_map(path, settings.options)
+    tiles = settings.tiles
+    files = open_map(path, settings.cloud)
     output = plan_output(target, files, is_tiled(path), force)
     with (
         work_folder(target) as folder,
-        open_workers(settings.n_workers, settings.scheduler) as workers,
+        open_workers(tiles.workers, tiles.scheduler) as workers,
         progress(len(STAGES), "classifying") as reporter,
     ):
         job = Job(files, settings, workers, folder, reporter)
@@ -135,7 +110,7 @@ class Job:
     tiling: Tiling
 
     def __init__(
-        self, files: Map, settings: TileSettings, workers: Workers, folder: str, reporter: Report | None = None
+        self, files: Map, settings: Configuration, workers: Workers, folder: str, reporter: Report | None = None
     ) -> None:
         self._files, self._settings, self._workers, self._reporter = files, settings, workers, reporter
         names = tuple(name for name in dict.fromkeys((*FIELDS, *visits.FIELDS)) if name in files.fields)
@@ -150,7 +125,7 @@ class Job:
         used = dict.fromkeys((*self._known.fields, *(self._clock.fields if self._clock is not None else ())))
         self._quarter = counted.plan.quarter()
         self._store = Store(self._folder, tuple(used))
-        self.tiling = make_tiling(counted.counts.turned(self._quarter), self._settings.tile_points)
+        self.tiling = make_tiling(counted.counts.turned(self._quarter), self._settings.tiles.tile_points)
         guess = self._estimate(self._sort(counted.columns.turned(self._quarter)))
         halo = max(HALO_IN_GAPS * guess.chosen.max_gap, HALO_IN_SPACING * guess.chosen.spacing)
         tasks = [
@@ -228,7 +203,7 @@ class Job:
         points = sort_points(PointCloud(sample, np.zeros(3), source=name))
         if len(points.xyz) < FEWEST_POINTS:
             raise InputError(f"{name}: {len(points.xyz)} distinct points; a plane needs {FEWEST_POINTS}.")
-        chosen = choose_parameters(points, self._settings.segment.turned(self._quarter))
+        chosen = choose_parameters(points, self._settings.segment, self._quarter)
         low, high = box = self._plan.box(self._quarter)
         if float((high - low).max()) >= MOST_SPACINGS * chosen.spacing:
             middle = np.quantile(sample, (0.01, 0.99), axis=0)
@@ -277,9 +252,9 @@ class Job:
             self._whole,
             self._store,
             self.tiling.boxes,
-            replace(settings, up=(x, y, z)),
+            settings.replace(up=(x, y, z)),
             self._workers,
-            self._settings.tile_points,
+            self._settings.tiles.tile_points,
         )
         parts = self._reported("measuring", measuring.features(self._known), len(measuring.groups))
         features = measuring.join(list(parts), up.tolist())

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapq.cloud import PointCloud, choose_shift
+from mapq.configuration import ReadOptions
 from mapq.io.clouds import read_cloud
 from mapq.io.content import Content
 from mapq.io.las import read_las_head, read_las_pieces
-from mapq.io.options import ReadOptions
 from mapq.io.write import LAS_SUFFIXES
 from prf.shell.errors import InputError
 

@@ -14,10 +14,11 @@ from benchmarks.map_metrics import map_metrics
 from benchmarks.plane_scores import score_segmentation, truth_of
 from benchmarks.split import split_by_place
 from mapq.cloud import PointCloud
+from mapq.configuration import SimulateSettings
 from mapq.labels import PLAUSIBLE, UNLABELLED
 from mapq.perturb import build
 from mapq.results.causes import LOCAL, MISSED_LOOP
-from mapq.simulate import Settings, simulate
+from mapq.simulate import simulate
 from prf.shell.errors import InputError, UsageError
 from tests.mapq.factories import make_patches, wall
 from tests.mapq.labelled import draw_patches
@@ -108,7 +109,7 @@ def test_methods_are_trained_and_scored_beside_the_majority():
 
 
 def test_a_drive_that_is_cut_and_merged_is_the_map_again():
-    cloud = simulate(Settings.of_size("small", {"n_points": 3000, "drift": 0.0}), 1)
+    cloud = simulate(SimulateSettings.of_size("small", {"n_points": 3000, "drift": 0.0}), 1)
     scans = causes.cut(cloud, 20.0)
     again = build(scans, reference=scans.poses).cloud
     np.testing.assert_allclose(again.xyz, cloud.xyz, atol=1e-4)

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from mapq.cloud import PointCloud
-from mapq.io import ReadOptions, write_patches, write_ply
+from mapq.configuration import ReadOptions
+from mapq.io import write_patches, write_ply
 from mapq.io.describe import describe, median_spacing
 from tests.cli.mapq_samples import call
 from tests.mapq.io.samples import patches, save
@@ -92,7 +93,7 @@ def test_patches_hold_their_unit(capsys, tmp_path):
         assert (code, out) == (2, "")
         assert "holds its unit" in err
         code, _, err = call(capsys, verb, path, "--set", "cloud.topic=a")
-        assert (code, "leave the topic out" in err) == (2, True)
+        assert (code, "Leave out --topic" in err) == (2, True)
 
 
 def result_file(tmp_path) -> str:
@@ -142,7 +143,7 @@ def test_columns_of_kitti(capsys, tmp_path):
     path = save(tmp_path, "0.bin", np.ones((4, 3), "<f4").tobytes())
     assert "points          4" in run(capsys, path, "--set", "cloud.bin_columns=3")[1]
     assert run(capsys, path, "--set", "cloud.bin_columns=5")[0] == 2
-    assert describe(path, ReadOptions(4)).cloud.n_points == 3
+    assert describe(path, ReadOptions(bin_columns=4)).cloud.n_points == 3
 
 
 def test_the_spacing_depends_on_the_points_and_not_on_their_order():

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from mapq.cloud import PointCloud
+from mapq.configuration import MergeSettings
 from mapq.io import read_cloud, write_cloud
-from mapq.posed import MergeSettings, find_scans, merge_scans
+from mapq.posed import find_scans, merge_scans
 from tests.cli.mapq_samples import call
 from tests.mapq.io.test_other_formats import ptx
 from tests.mapq.perturb.scenes import COURT, look, pose_at

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from mapq.cloud import PointCloud
+from mapq.configuration import SimulateSettings
 from mapq.io import read_cloud, write_ply
-from mapq.simulate import Settings, simulate
+from mapq.simulate import simulate
 from tests.cli.calls import mapq
 from tests.cli.mapq_samples import call, call_json
 from tests.mapq.factories import wall
@@ -24,7 +25,7 @@ def test_the_map_and_the_table(tmp_path: Path, capsys: pytest.CaptureFixture[str
     path = tmp_path / "map.ply"
     assert mapq(*ARGS, "--seed", "2", "-o", str(path)) == 0
     cloud = read_cloud(str(path))
-    made = simulate(Settings.of_size("small", {"n_points": 4000}), 2)
+    made = simulate(SimulateSettings.of_size("small", {"n_points": 4000}), 2)
     np.testing.assert_array_equal(cloud.world(), made.world())
     for name, values in made.fields.items():
         np.testing.assert_array_equal(cloud.fields[name], values)

@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 
 from mapq.axes import GroundPlan, turn, turn_cloud
 from mapq.cloud import PointCloud
+from mapq.configuration import SIZES, SegmentSettings, SimulateSettings
 from mapq.features import measure_shapes
 from mapq.io import read_cloud
 from mapq.results.result import Result, assess
-from mapq.segmentation import SegmentSettings, segment
-from mapq.simulate import SIZES, Settings, simulate
+from mapq.segmentation import segment
+from mapq.simulate import simulate
 from tests.mapq.factories import moved
 from tests.mapq.town import town
 
@@ -115,7 +116,7 @@ def test_a_cloud_in_the_axes_of_its_file_would_differ_when_turned(cloud, known, 
 @pytest.mark.slow
 def test_a_map_with_passes_and_sensors_is_the_same_turned_and_shifted():
     """What lies over a patch is found by cells of space, and from which side it was seen."""
-    cloud = simulate(Settings(**SIZES["small"]), 3)
+    cloud = simulate(SimulateSettings(**SIZES["small"]), 3)
     known = assess(segment(cloud))
     for shift, tolerance in (((0.0, 0.0, 0.0), 0.0), (SHIFTS[1], 1e-7)):
         other = assess(segment(turned(cloud, 3, shift)))

@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mapq.crf import TrainSettings
-from mapq.features import FeatureSettings
-from mapq.features.settings import feature_settings
+from mapq.configuration import FeatureSettings, TrainSettings
+from mapq.features.compute import feature_settings
 from mapq.io import write_patches
 from mapq.io.models import read_model, write_model
 from mapq.labels import FROM_FIELD, FROM_HAND, FROM_NOBODY, UNLABELLED, conservative_labels, majority_labels
@@ -127,7 +126,7 @@ def test_double_walls_are_learnt_and_found_on_another_map(files, tmp_path):
 
 def test_the_summary_lists_the_training_maps(files):
     features = FeatureSettings(radius=2.5)
-    model = train_maps(files, TrainSettings("linear", regularisation=1.0), features)
+    model = train_maps(files, TrainSettings(potential="linear", regularisation=1.0), features)
     summary = model.training
     assert summary["n_patches"] == 64
     assert summary["n_suspicious"] == 32
@@ -154,7 +153,7 @@ def test_maps_without_labels_are_refused(tmp_path):
 
 
 def test_settings_of_features_that_are_strange_are_refused(files):
-    model = train_maps(files, TrainSettings("linear", regularisation=1.0))
+    model = train_maps(files, TrainSettings(potential="linear", regularisation=1.0))
     for change, message in (
         ({"colour": 1}, "colour is not known"),
         ({"radius": "wide"}, "cannot be used"),

@@ -36,7 +36,7 @@ def claim_output(
     path: str | os.PathLike[str],
     force: bool,
     *,
-    inputs: Iterable[str | None] = (),
+    inputs: Iterable[str | os.PathLike[str] | None] = (),
     suffixes: Collection[str] | None = None,
     json: bool = False,
 ) -> None:
@@ -156,7 +156,7 @@ def refuse_json_on_stream(path: str | os.PathLike[str] | None, json: bool) -> No
         raise UsageError("--json and -o - both want standard output. Name a file with -o.")
 
 
-def refuse_inputs(outputs: Iterable[str], inputs: Iterable[str | None]) -> None:
+def refuse_inputs(outputs: Iterable[str], inputs: Iterable[str | os.PathLike[str] | None]) -> None:
     """Raise UsageError for an output file that is an input: a mistake would cost a log, or labels set by hand.
 
     Inputs that are None, streams, folders or missing are passed over.

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mapq.crf import TrainSettings, classify
+from mapq.configuration import TrainSettings
+from mapq.crf import classify
 from mapq.crf.cross_validation import assign_folds, split_regions, train, with_trees
 from mapq.crf.train import TrainingMap
 from mapq.crf.trees import columns_of, without_scans
@@ -104,7 +105,7 @@ def test_what_has_no_label_is_judged_by_the_trees_of_all():
 
 def test_a_trained_field_finds_what_trees_tell_and_knows_how_well():
     maps = [draw_map(seed, 2.0) for seed in (1, 2)]
-    trained = train(maps, TrainSettings(n_folds=2, regularisation=1.0, coupling_regularisation=300.0))
+    trained = train(maps, TrainSettings(folds=2, regularisation=1.0, coupling_regularisation=300.0))
     other = draw_map(3, 2.0)
     assert area_under_curve(classify(other.features, trained.model).difference, other.label == 1) > 0.85
     assert len(trained.held_out.truth) == 4 * 150, "twice, with scans and without"

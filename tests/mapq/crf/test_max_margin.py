@@ -6,10 +6,10 @@ import sys
 import numpy as np
 import pytest
 
-from mapq.crf import TrainSettings, classify, max_margin
+from mapq.configuration import TrainSettings
+from mapq.crf import classify, max_margin
 from mapq.crf.cross_validation import MARGIN_STRENGTHS, train
 from mapq.crf.max_margin import BIAS_PRECISION, GAP, MarginFit, Part, fit_margin, make_part, solve_quadratic
-from mapq.crf.settings import LINEAR, MAX_MARGIN
 from mapq.crf.train import Strength, TrainingMap, margin_weights, precisions, prepare, signs
 from mapq.labels import UNLABELLED
 from mapq.model import EDGE_MODELS, NONE, SYMMETRIC, Model, parameter_names
@@ -39,7 +39,7 @@ def parts_of(prepared, maps):
 
 def small_parts(seed, edge_model):
     maps = small_maps(np.random.default_rng(seed))
-    return parts_of(prepare(maps, TrainSettings(LINEAR, edge_model)), maps)
+    return parts_of(prepare(maps, TrainSettings(potential="linear", edge_model=edge_model)), maps)
 
 
 def slow_risk(part, weights, n_coupling):
@@ -57,7 +57,7 @@ def test_a_part_scores_labels_as_the_definition_does_with_0_for_no_label(edge_mo
     rng = np.random.default_rng(6)
     maps = small_maps(rng)
     maps[1].label[3] = UNLABELLED
-    prepared = prepare(maps, TrainSettings(LINEAR, edge_model))
+    prepared = prepare(maps, TrainSettings(potential="linear", edge_model=edge_model))
     weights = rng.normal(size=len(parameter_names(edge_model, prepared.node.names)))
     model = Model(edge_model, {}, prepared.node, prepared.x_range, weights)
     n_coupling = 0 if edge_model == NONE else 2
@@ -175,7 +175,12 @@ def uneven_maps(balanced=True):
         label = np.full(6, UNLABELLED, np.uint8)
         label[:n_labelled] = (np.arange(n_labelled) % 3 == 1).astype(np.uint8)
         maps.append(TrainingMap(draw_features(rng, 6, 9), label, np.zeros(6, int)))
-    settings = TrainSettings(LINEAR, SYMMETRIC, objective=MAX_MARGIN, balanced=balanced)
+    settings = TrainSettings(
+        potential="linear",
+        edge_model=SYMMETRIC,
+        objective="max-margin",
+        class_weight="balanced" if balanced else "none",
+    )
     return maps, settings, prepare(maps, settings)
 
 
@@ -231,11 +236,11 @@ def test_a_patch_alone_is_a_support_vector_machine():
 @pytest.mark.parametrize("edge_model", EDGE_MODELS)
 def test_it_labels_maps_that_it_has_not_seen(edge_model):
     maps = [draw_map(seed) for seed in (1, 2)]
-    settings = TrainSettings(LINEAR, edge_model, objective=MAX_MARGIN)
+    settings = TrainSettings(potential="linear", edge_model=edge_model, objective="max-margin")
     trained, again = train(maps, settings), train(maps, settings)
     np.testing.assert_array_equal(trained.model.weights, again.model.weights)
     assert {strength.weights for strength in trained.scores} == set(MARGIN_STRENGTHS)
-    plain = train(maps, TrainSettings(LINEAR, edge_model))
+    plain = train(maps, TrainSettings(potential="linear", edge_model=edge_model))
     others = [draw_map(seed) for seed in (3, 4, 5)]
     assert area(others, trained.model) > area(others, plain.model) - 0.02
 

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mapq.features import FeatureSettings, measure_shapes, patch_features
+from mapq.configuration import FeatureSettings
+from mapq.features import measure_shapes, patch_features
 from mapq.features.literal import BOUND
 from mapq.patches import Patches
 from tests.mapq.factories import Rectangle, always_known, make_patches, sample_patches, turn, wall

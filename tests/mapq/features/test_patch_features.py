@@ -8,11 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mapq.cloud import PointCloud
-from mapq.features import FeatureSettings, measure_shapes, patch_features
+from mapq.configuration import FeatureSettings
+from mapq.features import measure_shapes, patch_features
 from mapq.features.pairs import find_neighbours
 from mapq.features.shape import SHAPE_NAMES
 from mapq.patches import Patches
-from prf.shell.errors import ConfigError, InputError
+from prf.shell.errors import ArgumentError, InputError
 from tests.mapq.factories import Rectangle, always_known, make_patches, moved, sample_patches, shuffled, turn, wall
 from tests.reference.mapq_features import neighbours
 
@@ -115,21 +116,21 @@ class TestSettings:
         "bad",
         [
             {"reading": "paper"},
-            {"n_neighbours": 0},
-            {"n_neighbours": 10**20},
-            {"n_watched": 10**20},
+            {"neighbours": 0},
+            {"neighbours": 10**20},
+            {"watched": 10**20},
             {"radius": 0.0},
             {"radius": 1e300},
             {"tau": -1.0},
             {"eps": float("nan")},
             {"noise": float("inf")},
             {"tolerance": 0.0},
-            {"n_watched": -1},
+            {"watched": -1},
             {"up": (0.0, 0.0, 0.0)},
         ],
     )
     def test_refuses(self, bad):
-        with pytest.raises(ConfigError):
+        with pytest.raises(ArgumentError, match=f"^{next(iter(bad))}"):
             FeatureSettings(**bad)
 
     @pytest.mark.parametrize("up", [[0, 0, 0], [1, 2], "z"])
@@ -174,7 +175,7 @@ def graph_of(points: list[np.ndarray], settings: FeatureSettings):
 def test_neighbours_are_those_of_brute_force(seed, n_patches, whole, n_neighbours, radius):
     points = draw_clusters(seed, n_patches, whole)
     for n_watched in (0, 3, 8):
-        settings = FeatureSettings(n_neighbours=n_neighbours, radius=radius, n_watched=n_watched)
+        settings = FeatureSettings(neighbours=n_neighbours, radius=radius, watched=n_watched)
         graph = graph_of(points, settings)
         expected = neighbours(points, max(n_neighbours, n_watched), radius)
         assert list(map(tuple, graph.pairs.tolist())) == sorted(expected)
@@ -195,25 +196,25 @@ class TestConflicts:
 
     def test_those_watched_that_lie_over_or_cross_are_joined_too(self, pairs_street):
         points = [pairs_street.cloud.xyz[pairs_street.patch == k] for k in range(len(pairs_street))]
-        every = patch_features(pairs_street, FeatureSettings(n_neighbours=len(pairs_street), n_watched=0))
+        every = patch_features(pairs_street, FeatureSettings(neighbours=len(pairs_street), watched=0))
         conflict = every.edge[:, [every.edge_names.index(name) for name in ("overlap", "crossing")]].sum(axis=1) > 0.05
         for n_neighbours, n_watched in ((1, 0), (1, 5), (2, 16), (4, 2)):
             closest = set(neighbours(points, n_neighbours, 3.0))
             watched = set(neighbours(points, max(n_neighbours, n_watched), 3.0))
             expected = closest | {tuple(p) for p in every.pairs[conflict].tolist() if tuple(p) in watched}
-            found = patch_features(pairs_street, FeatureSettings(n_neighbours=n_neighbours, n_watched=n_watched))
+            found = patch_features(pairs_street, FeatureSettings(neighbours=n_neighbours, watched=n_watched))
             assert list(map(tuple, found.pairs.tolist())) == sorted(expected)
             rows = [every.pairs.tolist().index(pair) for pair in found.pairs.tolist()]
             np.testing.assert_array_equal(found.edge, every.edge[rows])
             np.testing.assert_array_equal(found.plausibility, every.plausibility[rows])
 
     def test_the_copy_of_a_wall_is_found_that_way(self, pairs_street):
-        plain, watched = (patch_features(pairs_street, FeatureSettings(n_neighbours=1, n_watched=n)) for n in (0, 16))
+        plain, watched = (patch_features(pairs_street, FeatureSettings(neighbours=1, watched=n)) for n in (0, 16))
         assert [0, 1] not in plain.pairs.tolist()
         assert [0, 1] in watched.pairs.tolist()
 
     def test_the_literal_reading_has_the_closest_only(self, pairs_street):
-        settings = FeatureSettings("literal", n_neighbours=1)
+        settings = FeatureSettings("literal", neighbours=1)
         points = [pairs_street.cloud.xyz[pairs_street.patch == k] for k in range(len(pairs_street))]
         assert list(map(tuple, patch_features(pairs_street, settings).pairs.tolist())) == sorted(
             neighbours(points, 1, 3.0)
@@ -222,7 +223,7 @@ class TestConflicts:
 
 def test_pairs_looked_at_bit_by_bit_are_the_same(monkeypatch):
     points = draw_clusters(11, 30, False)
-    settings = FeatureSettings(n_neighbours=3, n_watched=5)
+    settings = FeatureSettings(neighbours=3, watched=5)
     whole = graph_of(points, settings)
     monkeypatch.setattr("mapq.features.pairs.MOST_PAIRS", 5)
     for one, other in zip(whole, graph_of(points, settings), strict=True):
@@ -235,7 +236,7 @@ def test_equally_close_ones_follow_from_their_size_and_place_and_not_from_their_
     large = np.vstack([shape, shape + np.array([0, 0, 0.5])]) + np.array([0.6, 0.8, 0])
     points = [*around, large]
     for order in (range(6), [3, 1, 5, 0, 2, 4]):
-        graph = graph_of([points[k] for k in order], FeatureSettings(n_neighbours=2, radius=1.0, n_watched=0))
+        graph = graph_of([points[k] for k in order], FeatureSettings(neighbours=2, radius=1.0, watched=0))
         named = {tuple(sorted((order[i], order[j]))) for i, j in graph.pairs.tolist()}
         assert {(0, 5), (0, 2)} <= named, "the largest, then the one with the smallest x"
         assert (0, 4) in named, "one that has no other"

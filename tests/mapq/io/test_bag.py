@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mapq.io import ReadOptions, read_cloud
+from mapq.configuration import ReadOptions
+from mapq.io import read_cloud
 from prf.shell.errors import ConfigError
 from tests.mapq.io.samples import refusal
 from tests.readings.bags import KINDS, START, Maker, Note, drive, yaw

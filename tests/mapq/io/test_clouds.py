@@ -12,9 +12,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mapq.cloud import PointCloud
-from mapq.io import ReadOptions, read_cloud, write_ply
+from mapq.configuration import ReadOptions, parse_unit
+from mapq.io import read_cloud, write_ply
 from mapq.io.content import ACCEPTED
-from mapq.io.options import parse_unit
 from prf.shell.errors import InputError, UsageError
 from tests.mapq.io.las_files import FOOT_WKT, geo_keys, las_bytes, wkt
 from tests.mapq.io.samples import pcd, ply, refusal, save, table, text_rows

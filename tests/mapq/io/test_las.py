@@ -13,7 +13,8 @@ from laspy.vlrs import VLR
 from laspy.vlrs.vlrlist import VLRList
 
 from mapq.cloud import PointCloud
-from mapq.io import ReadOptions, read_cloud, read_patches, write_cloud, write_patches
+from mapq.configuration import ReadOptions
+from mapq.io import read_cloud, read_patches, write_cloud, write_patches
 from mapq.io.las import WAVES
 from mapq.io.results import result_cloud
 from mapq.patches import Patches

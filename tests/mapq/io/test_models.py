@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mapq.features import FeatureSettings
-from mapq.features.settings import feature_settings
+from mapq.configuration import FeatureSettings
+from mapq.features.compute import feature_settings
 from mapq.io.models import SCHEMA, read_default_model, read_model, write_model
 from mapq.model import EDGE_MODELS, Calibration
 from prf.shell.errors import InputError

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from mapq.cloud import PointCloud
-from mapq.io import ReadOptions, is_patches, read_cloud, read_patches, write_cloud, write_patches
+from mapq.configuration import ReadOptions
+from mapq.io import is_patches, read_cloud, read_patches, write_cloud, write_patches
 from mapq.io.journal import Event, Journal, fingerprint, journal_beside, replay
 from mapq.io.results import SCHEMA, read_result_json, result_lines, stated_unit
 from mapq.labels import FROM_HAND, PLAUSIBLE, SUSPICIOUS, UNLABELLED

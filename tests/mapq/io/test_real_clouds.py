@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from mapq.cloud import PointCloud
-from mapq.io import ReadOptions, read_cloud, write_cloud, write_ply
+from mapq.configuration import ReadOptions
+from mapq.io import read_cloud, write_cloud, write_ply
 from tests.mapq.io.samples import refusal
 
 INTENSITY = {"intensity": "float32"}
@@ -159,9 +160,9 @@ def test_3dtk_stands_upright_in_metres(clouds):
 def test_the_other_number_of_columns_is_noticed(clouds):
     for name in THREE:
         for path in sorted((clouds / name).rglob("*.bin")):
-            assert "cloud.bin_columns=3" in refusal(read_cloud, str(path), ReadOptions(4))
+            assert "cloud.bin_columns=3" in refusal(read_cloud, str(path), ReadOptions(bin_columns=4))
     for path in sorted((clouds / "kitti00_map-metrics" / "pcs").glob("*.gz"))[:6]:
-        assert "cloud.bin_columns=4" in refusal(read_cloud, str(path), ReadOptions(3))
+        assert "cloud.bin_columns=4" in refusal(read_cloud, str(path), ReadOptions(bin_columns=3))
 
 
 def test_a_sensors_columns_come_back_bit_for_bit(clouds, tmp_path):

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from mapq.configuration import MergeSettings, PerturbSettings
 from mapq.labels import PLAUSIBLE, SUSPICIOUS, UNLABELLED
-from mapq.perturb import Rule, build
+from mapq.perturb import build
 from mapq.perturb.known import find_surfaces, known_disagreement
 from mapq.perturb.measure import measured_disagreement
-from mapq.posed import MergeSettings
 from mapq.posed.merge import merge
 from tests.mapq.factories import Rectangle, wall
 from tests.mapq.perturb.scenes import COURT, look, make_scans, pose_at, rings
@@ -31,7 +31,7 @@ def labels_of(points, poses, used, **settings):
     for number, (seen, pose) in enumerate(zip(points, poses, strict=True)):
         local = (seen - pose[:3, 3]) @ pose[:3, :3]
         scans.load(number).xyz[:] = local
-    built = build(scans, reference=np.array(poses), settings=MergeSettings(**settings))
+    built = build(scans, reference=np.array(poses), merging=MergeSettings(**settings))
     fields = built.cloud.fields
     ends = np.cumsum([len(seen) for seen in points])[:-1]
     return np.split(fields["suspicious"], ends), np.split(fields["disagreement"], ends), built
@@ -150,7 +150,7 @@ def test_agrees_with_brute_force_over_all_points():
 def test_points_keep_what_they_had_and_get_rays_scans_passes_and_times():
     points = [look([LONG], pose, number) for number, pose in enumerate(PASSES)]
     scans = make_scans(points, PASSES, np.array([10.0, 11.5]))
-    built = build(scans, rule=Rule(), reference=scans.poses)
+    built = build(scans, settings=PerturbSettings(), reference=scans.poses)
     fields = built.cloud.fields
     np.testing.assert_array_equal(fields["scan"], np.repeat([0, 1], [len(each) for each in points]))
     assert fields["scan"].dtype == np.int32
@@ -241,7 +241,7 @@ def test_what_is_too_small_to_be_registered_is_not_known():
 
 def test_an_empty_scan_and_a_scan_without_walls_are_unknown():
     points = [look(COURT, POSES[0], 0, 20.0), look(COURT[4:], POSES[1], 1, 20.0)]
-    built = build(make_scans(points, POSES), settings=MergeSettings(max_range=30.0))
+    built = build(make_scans(points, POSES), merging=MergeSettings(max_range=30.0))
     assert built.report["n_suspicious"] == 0
     merged = merge(make_scans([points[0], points[1][:0]], POSES))
     assert np.isfinite(measured_disagreement(merged, np.array(POSES)).metres).any()

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from mapq.cloud import PointCloud
-from mapq.io import ReadOptions, write_ply
-from mapq.posed import FindSettings, find_scans, replace_poses
+from mapq.configuration import FindSettings, ReadOptions
+from mapq.io import write_ply
+from mapq.posed import find_scans, replace_poses
 from mapq.posed.files import family, natural_key, number_of
 from prf.shell.errors import InputError, UsageError
 from tests.mapq.io.test_other_formats import TURNED, ptx

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from mapq.io import ReadOptions
-from mapq.posed import FindSettings, drive_passes, find_scans
+from mapq.configuration import FindSettings, ReadOptions
+from mapq.posed import drive_passes, find_scans
 from mapq.posed.poses import laser_poses, looks_ahead, read_calibration
 from prf.shell.errors import InputError
 from tests.mapq.perturb.scenes import pose_at

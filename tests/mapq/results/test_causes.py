@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from mapq.cloud import PointCloud
-from mapq.features import FeatureSettings, patch_features
+from mapq.configuration import FeatureSettings
+from mapq.features import patch_features
 from mapq.io.results import result_cloud
 from mapq.labels import NO_PATCH
 from mapq.results.causes import LOCAL, MISSED_LOOP, UNKNOWN, Spread, cause_of, find_causes, nested_spread

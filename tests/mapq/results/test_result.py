@@ -1,14 +1,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from mapq.cloud import PointCloud
+from mapq.configuration import FeatureSettings
 from mapq.crf.trees import OVER
-from mapq.features import FeatureSettings
 from mapq.io.results import result_cloud
 from mapq.kernels.boosted_trees import LEAF, Trees
 from mapq.model import EDGE_MODELS, EVIDENCE, Calibration, Model, Potential, Scaling, parameter_names
@@ -27,7 +27,7 @@ def make_model(edge_model: str = "symmetric") -> Model:
     node = Scaling((EVIDENCE,), np.zeros(1), np.ones(1), 12.0)
     weights = {"node.evidence": 0.5, "coupling.at_x_min": 0.4}
     values = np.array([weights.get(name, 0.0) for name in parameter_names(edge_model, node.names)])
-    features, calibration = asdict(FeatureSettings()), Calibration(slope=0.8)
+    features, calibration = FeatureSettings().stored(), Calibration(slope=0.8)
     potential = Potential((OVER, "thickness"), trees, 0.0)
     return Model(edge_model, features, node, (-1.0, 1.0), values, calibration, potential=potential)
 

@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from mapq.configuration import SimulateSettings
 from mapq.kernels.raycast import NOTHING, cast_beams
 from mapq.simulate.robot import Trajectory
 from mapq.simulate.scene import Kind, SceneBuilder, World
-from mapq.simulate.settings import Settings
 from mapq.simulate.street import add_traffic
 from mapq.simulate.truth import Seen, judge
 from tests.reference import mapq_raycast as reference
 
-SETTINGS = Settings(disagreement=0.2, cell=1.0, visit_gap=25.0, visit_points=3)
+SETTINGS = SimulateSettings(disagreement=0.2, cell=1.0, visit_gap=25.0, visit_points=3)
 
 
 def seen(visits: list[tuple[float, tuple[float, float], int]], surface: int = 0, normal=(0.0, 1.0, 0.0)) -> Seen:  # type: ignore[no-untyped-def]
@@ -240,7 +240,7 @@ def test_foliage_lets_the_right_share_through() -> None:
 def movers(way: Trajectory, width: float, seed: int = 1) -> tuple[np.ndarray, np.ndarray]:
     """Return what moves: rows of whether a box, start, velocity, times, half sides, z, heading; and kinds."""
     builder = SceneBuilder()
-    settings = Settings.of_size("small", {"street_width": width, "clutter": 2.0})
+    settings = SimulateSettings.of_size("small", {"street_width": width, "clutter": 2.0})
     add_traffic(builder, way, settings, np.random.default_rng(seed))
     return builder._movers.array(), np.array([kind for *_, kind in builder._movers.tags])
 

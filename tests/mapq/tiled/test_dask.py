@@ -15,10 +15,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from mapq.configuration import Configuration, TileSettings
 from mapq.io import read_cloud
 from mapq.model import Model
 from mapq.simulate.city import write_city
-from mapq.tiled.run import TileSettings, classify_map
+from mapq.tiled.run import classify_map
 
 N_POINTS = 147_000
 
@@ -47,7 +48,7 @@ def test_a_worker_that_is_killed_changes_nothing(cluster: Any, model: Model, tmp
 
     def classified(name: str, scheduler: str | None) -> dict[str, Any]:
         target = str(tmp_path / name)
-        settings = TileSettings(20_000, scheduler=scheduler)
+        settings = Configuration(tiles=TileSettings(tile_points=20_000, scheduler=scheduler))
         classify_map(str(tmp_path / "city"), target, model, settings, False)
         content: dict[str, Any] = json.loads((tmp_path / name / "result.json").read_text())
         return content

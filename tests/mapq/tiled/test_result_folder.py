@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from mapq.cloud import PointCloud
-from mapq.io import ReadOptions, read_cloud, write_cloud
+from mapq.configuration import Configuration, ReadOptions
+from mapq.io import read_cloud, write_cloud
 from mapq.io.describe import describe
 from mapq.io.result_folder import open_result_folder, steps_of, thinned_by_patch
 from mapq.report.drawing import read_picture
@@ -20,7 +21,7 @@ from mapq.results.compare import compare
 from mapq.results.evaluate import read_labelled, score_labels
 from mapq.results.judged import read_judged
 from mapq.simulate.city import ORIGIN, PITCH, make_block
-from mapq.tiled.run import TileSettings, classify_map
+from mapq.tiled.run import classify_map
 from prf.shell.errors import InputError, UsageError
 
 
@@ -38,7 +39,7 @@ def results(tmp_path_factory, model) -> tuple[str, str]:
         write_cloud(tiles / f"{name}.laz", PointCloud.from_world(part.xyz + ORIGIN, {"truth": part.truth}))
     targets = str(folder / "result"), str(folder / "result.laz")
     for target in targets:
-        classify_map(str(tiles), target, model, TileSettings(), False)
+        classify_map(str(tiles), target, model, Configuration(), False)
     return targets
 
 

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from mapq.cloud import PointCloud
+from mapq.configuration import AS_IT_IS, Configuration, SegmentSettings, TileSettings
 from mapq.io import read_cloud, write_cloud
-from mapq.io.options import AS_IT_IS
 from mapq.model import Model
 from mapq.results.result import assess
-from mapq.segmentation import SegmentSettings, segment
+from mapq.segmentation import segment
 from mapq.simulate.city import ORIGIN, PITCH, SIDES, make_block, plan_city, write_city
-from mapq.tiled.run import Job, TileSettings, classify_map
+from mapq.tiled.run import Job, classify_map
 from mapq.tiled.source import open_map
 from prf.shell.cli.files import work_folder
 
@@ -38,7 +38,7 @@ def town(tmp_path_factory) -> Path:
 
 def classified(town: Path, model: Model, name: str, tile_points: int) -> tuple[dict, PointCloud]:
     target = town.parent / name
-    classify_map(str(town), str(target), model, TileSettings(tile_points), False)
+    classify_map(str(town), str(target), model, Configuration(tiles=TileSettings(tile_points=tile_points)), False)
     return json.loads((target / "result.json").read_text()), whole(target)
 
 
@@ -99,7 +99,7 @@ def test_tiles_keep_their_names_points_and_fields(town, four):
 @pytest.mark.parametrize("name", ["joined.laz", "joined.ply"])
 def test_several_files_become_one_cloud(town, model, four, name):
     target = town.parent / name
-    settings = TileSettings(N_POINTS // 4)
+    settings = Configuration(tiles=TileSettings(tile_points=N_POINTS // 4))
     classify_map(str(town), str(target), model, settings, True)
     joined = read_cloud(str(target))
     np.testing.assert_array_equal(joined.fields["patch"], four[1].fields["patch"])
@@ -136,7 +136,7 @@ def test_the_ground_spans_tiles_and_large_patches_are_thinned(town, model, monke
     found = []
     for most in (10**9, 20_000):
         monkeypatch.setattr("mapq.tiled.measure.LARGEST_PATCH", most)
-        settings = TileSettings(N_POINTS // 9, segment=SegmentSettings(max_tilt=90.0))
+        settings = Configuration(tiles=TileSettings(tile_points=N_POINTS // 9), segment=SegmentSettings(max_tilt=90.0))
         with work_folder(str(town)) as folder:
             job = Job(open_map(str(town), AS_IT_IS), settings, map, folder)
             job.cut()
@@ -158,7 +158,9 @@ def test_points_far_from_all_others_are_left_out(town, tmp_path, four):
         fields = {"truth": np.append(np.uint8(0), cloud.fields["truth"])}
         write_cloud(tmp_path / path.name, PointCloud.from_world(world, fields))
     with work_folder(str(tmp_path)) as folder:
-        job = Job(open_map(str(tmp_path), AS_IT_IS), TileSettings(N_POINTS // 4), map, folder)
+        job = Job(
+            open_map(str(tmp_path), AS_IT_IS), Configuration(tiles=TileSettings(tile_points=N_POINTS // 4)), map, folder
+        )
         job.cut()
     assert job.patches.report["points_far_outside"] == 4
     assert job.patches.report["warnings"]

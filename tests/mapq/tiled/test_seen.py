@@ -10,14 +10,14 @@ from scipy.spatial import cKDTree
 
 from mapq.axes import turn, turn_cloud
 from mapq.cloud import PointCloud
+from mapq.configuration import AS_IT_IS, SIZES, Configuration, SimulateSettings, TileSettings
 from mapq.features.provenance import Known, Span, decide, known_of
 from mapq.io import read_cloud, write_cloud
-from mapq.io.options import AS_IT_IS
 from mapq.model import Model
 from mapq.results.result import Result, assess
 from mapq.segmentation import segment
-from mapq.simulate import SIZES, Settings, simulate
-from mapq.tiled.run import Job, TileSettings, classify_map
+from mapq.simulate import simulate
+from mapq.tiled.run import Job, classify_map
 from mapq.tiled.source import open_map
 from prf.shell.cli.files import work_folder
 
@@ -29,7 +29,7 @@ TILES = 4
 @pytest.fixture(scope="module")
 def drive(tmp_path_factory) -> str:
     """A drive that drifts, with two passes, times, scans of 5 s, and where the sensor was."""
-    cloud = simulate(Settings(**SIZES["small"]), SEED)
+    cloud = simulate(SimulateSettings(**SIZES["small"]), SEED)
     scan = (cloud.fields["time"] // 5.0).astype(np.int32)
     path = str(tmp_path_factory.mktemp("drive") / "drive.ply")
     write_cloud(path, cloud.with_fields(scan=scan))
@@ -46,7 +46,7 @@ def without(path: str, names: tuple[str, ...]) -> str:
 
 
 def in_tiles(path: str, n_tiles: int, model: Model) -> Result:
-    settings = TileSettings(-(-len(read_cloud(path)) // n_tiles))
+    settings = Configuration(tiles=TileSettings(tile_points=-(-len(read_cloud(path)) // n_tiles)))
     with work_folder(path) as folder:
         job = Job(open_map(path, AS_IT_IS), settings, map, folder)
         job.cut()
@@ -136,7 +136,7 @@ def test_tiles_have_the_causes_of_the_map_in_memory(drive, model, missing):
 
 def test_points_of_a_result_in_tiles_have_causes(drive, model, tmp_path):
     target = str(tmp_path / "result.ply")
-    result = classify_map(drive, target, model, TileSettings(20_000), False)
+    result = classify_map(drive, target, model, Configuration(tiles=TileSettings(tile_points=20_000)), False)
     fields = read_cloud(target).fields
     codes = result.cause_codes()
     assert codes is not None

@@ -7,9 +7,9 @@ import pytest
 
 from mapq.axes import turn
 from mapq.cloud import PointCloud
+from mapq.configuration import SegmentSettings
 from mapq.kernels.planes import MOMENTS
 from mapq.kernels.regions import sum_regions
-from mapq.segmentation import SegmentSettings
 from mapq.segmentation.join import Regions, join_regions, translate
 from mapq.segmentation.parameters import choose_parameters
 from mapq.segmentation.points import sort_points
