@@ -12,7 +12,7 @@ from mapq.axes import TO_SENSOR
 from mapq.configuration import ReadOptions
 from mapq.io import read_cloud, write_patches
 from mapq.io.e57 import take_points
-from prf.shell.errors import UsageError
+from prf.shell.errors import ArgumentError
 from tests.mapq.io.samples import check_same, patches, refusal, save, table
 
 
@@ -79,7 +79,7 @@ def test_bytes_that_are_no_coordinates(tmp_path):
 def test_the_option_is_checked_and_the_name_needed(tmp_path):
     path = save(tmp_path, "0.dat", scan(100, 4).tobytes())
     assert "binary data of an unknown kind" in refusal(read_cloud, path)
-    with pytest.raises(UsageError, match="bin_columns 5"):
+    with pytest.raises(ArgumentError, match="bin_columns = 5"):
         read_cloud(path, ReadOptions(bin_columns=5))
 
 
