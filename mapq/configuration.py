@@ -54,7 +54,7 @@ def parse_share(text: Any) -> Any:
     except ValueError:
         share = math.nan
     if not 0.0 <= share <= 1.0:
-        raise ValueError("must be a share from 0 to 1, such as 0.05 or 5%")
+        raise ValueError("must be a share between 0 and 1 such as 0.05 or 5%")
     return share
 
 
@@ -390,5 +390,6 @@ def sources_of(loaded: Loaded[Configuration], table: str) -> dict[str, str]:
 
 
 def typed_keys(loaded: Loaded[Configuration], table: str) -> list[str]:
-    """Return the keys of one table that flags or --set have set, and not a file or a preset."""
-    return [name for name, source in sources_of(loaded, table).items() if source.startswith("--")]
+    """Return the keys of one table that the command line has set, by flags, --set or --preset, and not a file."""
+    asked = "--" if loaded.file is not None else ("--", "preset ")
+    return [name for name, source in sources_of(loaded, table).items() if source.startswith(asked)]

@@ -142,7 +142,10 @@ def _refuse_for_patches(file: str, settings: Loaded[Configuration]) -> None:
     """Refuse what the command line asks of a cloud, for PATCHES; what a file of settings has is for other maps."""
     from prf.shell.errors import UsageError
 
-    for table, what in (("segment", "settings of a segmentation are for clouds"), ("cloud", "it holds its unit")):
+    for table, what in (
+        ("segment", "settings of a segmentation are for clouds"),
+        ("cloud", "it holds its unit and more"),
+    ):
         typed = typed_keys(settings, table)
         if typed:
             raise UsageError(

@@ -49,13 +49,13 @@ def test_scans_are_found_and_merged_by_one_table() -> None:
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("segment.max_tilt=95", r"^--set segment\.max_tilt = 95: must be less than or equal to 90"),
-        ("segment.max_gap=0", r"^--set segment\.max_gap = 0: must be greater than 0"),
+        ("segment.max_tilt=95", r"^--set segment\.max_tilt = 95: must be at most 90"),
+        ("segment.max_gap=0", r"^--set segment\.max_gap = 0: must be above 0"),
         ("segment.up=[0,0,0]", r"^--set segment\.up: must not be 0 0 0"),
-        ("features.radius=0", r"^--set features\.radius = 0: must be greater than 0"),
+        ("features.radius=0", r"^--set features\.radius = 0: must be above 0"),
         ("features.context=['sky']", r"^--set features\.context.*'copies'"),
-        ("crf.regularisation=0", r"^--set crf\.regularisation = 0: must be greater than 0"),
-        ("crf.max_false_alarms=2", "must be a share from 0 to 1"),
+        ("crf.regularisation=0", r"^--set crf\.regularisation = 0: must be above 0"),
+        ("crf.max_false_alarms=2", "must be a share between 0 and 1"),
         ("crf.objective=magic", "'pl' or 'max-margin'"),
         ("cloud.unit=yard", "must be one of m, cm, mm, ft, us-ft"),
     ],
@@ -68,9 +68,9 @@ def test_values_outside_their_domain_are_named(text: str, words: str) -> None:
 @pytest.mark.parametrize(
     ("table", "values", "words"),
     [
-        (SegmentSettings, {"max_tilt": 91}, "^max_tilt = 91: must be less than or equal to 90"),
+        (SegmentSettings, {"max_tilt": 91}, "^max_tilt = 91: must be at most 90"),
         (FeatureSettings, {"up": (0.0, 0.0, 0.0)}, "^up: must not be 0 0 0"),
-        (FeatureSettings, {"n_neighbours": 4}, "^n_neighbours: there is no such key. Did you mean neighbours"),
+        (FeatureSettings, {"n_neighbours": 4}, "^n_neighbours: unknown key. Did you mean neighbours"),
         (ReadOptions, {"unit": 0.0}, "^unit = 0"),
         (ReadOptions, {"unit": float("nan")}, "^unit"),
         (ReadOptions, {"bin_columns": 5}, "^bin_columns = 5: must be 3 or 4"),
