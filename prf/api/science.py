@@ -117,7 +117,7 @@ def by_kind(given: Given, sensors: Sensor | Sequence[Sensor] = ()) -> dict[Readi
         if kind not in found:
             raise ArgumentError(f"sensors: there is a {type(sensor).__name__}, but no readings of the {kind}.")
     if not found:
-        raise ArgumentError("readings: there are none. Give a log, or what prf.laser, prf.sonar or prf.points made.")
+        raise ArgumentError("readings: give at least one: a log, or what prf.laser, prf.sonar or prf.points made.")
     return {kind: found[kind] for kind in KINDS if kind in found}
 
 

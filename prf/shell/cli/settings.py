@@ -343,6 +343,7 @@ def _refusal(
     if error["type"] == "extra_forbidden":
         return f"{place}: unknown key. {_instead(name, table.model_fields)}"
     words = error["msg"].removeprefix("Value error, ").replace("Input should be", "must be")
+    words = words.replace("Field required", "has too few values")
     if error["type"] in BOUND_WORDS:
         unit = note_of(table, name, "unit")
         words = BOUND_WORDS[error["type"]].format(**error["ctx"]) + (f", in {unit}" if unit else "")
