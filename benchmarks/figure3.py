@@ -25,7 +25,7 @@ from prf.kernels.readings.sonar_features import BEARING, CORNER, DEPTH, KIND, PR
 from prf.kernels.score.sonar import Scene, add_sonar_densities
 from prf.model.coloring import Coloring, from_polygons
 from prf.model.sensors import SonarModel
-from prf.model.sonar import Returns, make_poses, return_probabilities, sonar_array
+from prf.model.sonar import make_poses, return_probabilities, sonar_array
 from prf.model.window import Window
 from prf.output.pictures.posterior import fill_map
 from prf.results.score.scene import features_seen, scene_of_coloring
@@ -53,8 +53,11 @@ class Sight(NamedTuple):
     scene: Scene
     pose: np.ndarray
     features: np.ndarray
-    returns: Returns
     model: SonarModel
+    # alone, share, none: as of return_probabilities
+    alone: np.ndarray
+    share: np.ndarray
+    none: float
 
 
 def look(model: SonarModel) -> Sight:
@@ -63,7 +66,7 @@ def look(model: SonarModel) -> Sight:
     pose = make_poses(model, np.zeros((1, 2)), np.zeros(1), np.full(1, VIEW), np.full(1, math.inf))
     scene = scene_of_coloring(coloring, model.max_range)
     _, features = features_seen(scene, pose, model.max_range)
-    return Sight(coloring, scene, pose, features, return_probabilities(model, features), model)
+    return Sight(coloring, scene, pose, features, model, *return_probabilities(model, features))
 
 
 def density(sight: Sight, readings: np.ndarray) -> np.ndarray:
@@ -86,7 +89,7 @@ def sums(sight: Sight) -> dict[str, float]:
     ]
     silent = float(density(sight, np.array([math.inf]))[0])
     return {
-        "returns": float(sight.returns.share.sum() + sight.returns.none),
+        "returns": float(sight.share.sum() + sight.none),
         "density": sum(pieces) + silent,
         "no_return_reading": silent,
     }
@@ -94,7 +97,7 @@ def sums(sight: Sight) -> dict[str, float]:
 
 def rows_of(sight: Sight) -> list[dict[str, Any]]:
     """Return one row a feature, nearest first."""
-    pairs = zip(sight.features, sight.returns.alone, sight.returns.share, strict=True)
+    pairs = zip(sight.features, sight.alone, sight.share, strict=True)
     return [
         {
             "kind": "corner" if feature[KIND] == CORNER else "surface",
@@ -169,7 +172,7 @@ def draw_cone(axes: Any, sight: Sight) -> None:
     fill_map(axes, sight.coloring, colour="#ced4da")
     axes.plot(0.0, 0.0, marker="o", markersize=6, color=style.PATH, zorder=5)
     parts = visible_parts(sight)
-    for number, (feature, share) in enumerate(zip(sight.features, sight.returns.share, strict=True), start=1):
+    for number, (feature, share) in enumerate(zip(sight.features, sight.share, strict=True), start=1):
         near = feature[DEPTH] * np.array([1.0, feature[BEARING]]) / math.hypot(1.0, feature[BEARING])
         strength = 0.25 + 0.75 * float(share) ** 0.5
         if feature[KIND] == CORNER:
@@ -202,7 +205,7 @@ def draw_density(axes: Any, sight: Sight) -> None:
     r = r[(r >= 0.0) & (r < limit)]
     total = density(sight, r)
     empty = sight._replace(scene=scene_of_coloring(Coloring.empty(WINDOW), limit))
-    outlier = sight.returns.none * density(empty, r)
+    outlier = sight.none * density(empty, r)
     axes.fill_between(r, total, color=SURFACE_INK, alpha=0.12, linewidth=0)
     axes.plot(r, total, color=SURFACE_INK, linewidth=1.4)
     axes.plot(r, outlier, color=NONE_INK, linewidth=1.1, linestyle=(0, (3, 2)))
@@ -226,7 +229,7 @@ def draw_density(axes: Any, sight: Sight) -> None:
 def label_peaks(axes: Any, sight: Sight) -> None:
     """Write number and return probability over the peak of each feature; those of one peak one over the other."""
     stacked, last = 0, -math.inf
-    pairs = zip(sight.features, sight.returns.share, strict=True)
+    pairs = zip(sight.features, sight.share, strict=True)
     for number, (feature, share) in enumerate(pairs, start=1):
         ink = CORNER_INK if feature[KIND] == CORNER else SURFACE_INK
         depth = float(feature[DEPTH])
@@ -253,9 +256,9 @@ def main() -> None:
     folder = asked.parse_args().output.resolve()
     sight = look(SonarModel(max_range=3.5))
     rows, checks = rows_of(sight), sums(sight)
-    show(rows, sight.returns.none, checks)
+    show(rows, sight.none, checks)
     draw(sight, folder / "figure3.png")
-    write_table(folder / "figure3.json", {"features": rows, "none": sight.returns.none, "sums": checks})
+    write_table(folder / "figure3.json", {"features": rows, "none": sight.none, "sums": checks})
     if max(abs(checks["returns"] - 1.0) * 1e3, abs(checks["density"] - 1.0)) > 1e-9:
         raise SystemExit("a sum is not 1")
 

@@ -43,7 +43,7 @@ from prf.sampler.posterior import LaserData, Settings
 from prf.sampler.tempering import LadderPlan
 from prf.shell.cli import pictures as style
 from prf.shell.cli.provenance import spawn_generators
-from prf.simulate.laser import LaserPhysics, cast, measure
+from prf.simulate.sensors import LaserPhysics, cast, measure
 from prf.simulate.world import World
 
 Floats = NDArray[np.float64]

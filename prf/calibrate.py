@@ -31,7 +31,7 @@ from prf.results.score import HeldOutSonar, OccupiedArea, read_occupied_area
 from prf.results.score.scene import enclosing_window, features_seen, first_edges, outline, scene_of_region
 from prf.shell.cli.settings_file import settings_text
 from prf.shell.errors import InputError
-from prf.simulate.sources import YAML_SUFFIXES, area_of_map, read_cell_map
+from prf.simulate.world import YAML_SUFFIXES, area_of_map, read_cell_map
 
 Floats = NDArray[np.float64]
 Density = Callable[[dict[str, float], float], Floats]

@@ -28,8 +28,7 @@ from prf.model.coloring import black_at
 from prf.model.sensors import SonarModel
 from prf.model.sonar import make_poses
 from prf.model.window import Window
-from prf.output.export.cells import Cells
-from prf.output.export.ros_map import ros_map
+from prf.output.export.cells import Raster, ros_map
 from prf.results.score import OccupiedArea, PolygonMap, hold_out_sonar, read_occupied_area, score
 from prf.results.score.scene import features_seen, scene_of_coloring
 from prf.shell.errors import ArgumentError, InputError
@@ -259,13 +258,13 @@ def test_sensors_beside_the_map_are_dropped_counted_or_refused(caplog: pytest.Lo
 def test_a_map_of_ros(tmp_path: Path) -> None:
     occupied = np.zeros((20, 30))
     occupied[5:8, 10:20] = 1.0
-    files = ros_map(Cells(occupied, np.array([2.0, 1.0]), 0.1), None, "map.pgm")
-    (tmp_path / "map.pgm").write_bytes(files.image)
-    (tmp_path / "map.yaml").write_text(files.yaml)
+    yaml, image, _ = ros_map(Raster(occupied, np.array([2.0, 1.0]), 0.1), None, "map.pgm")
+    (tmp_path / "map.pgm").write_bytes(image)
+    (tmp_path / "map.yaml").write_text(yaml)
     area = read_known_map(tmp_path / "map.yaml")
     assert area.window == pytest.approx((2.0, 1.0, 5.0, 3.0))
     assert area.region.bounds == pytest.approx((3.0, 1.5, 4.0, 1.8))
-    files = ros_map(Cells(0.0 * occupied, np.array([2.0, 1.0]), 0.1), None, "map.pgm")
-    (tmp_path / "map.pgm").write_bytes(files.image)
+    yaml, image, _ = ros_map(Raster(0.0 * occupied, np.array([2.0, 1.0]), 0.1), None, "map.pgm")
+    (tmp_path / "map.pgm").write_bytes(image)
     with pytest.raises(InputError, match="nothing is occupied"):
         read_known_map(tmp_path / "map.yaml")

@@ -10,7 +10,7 @@ from prf.model.sensors import LaserModel, PointModel, SonarModel
 from prf.shell.cli.settings import load_options
 from prf.shell.errors import ArgumentError, UsageError
 from prf.simulate import SimulateConfig, config_of
-from prf.simulate.sonar import SonarPhysics
+from prf.simulate.sensors import SonarPhysics
 
 
 def test_the_values_reach_the_models() -> None:

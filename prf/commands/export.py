@@ -93,10 +93,10 @@ def export(
     for note in done.notes:
         logger.warning(note)
     if json:
-        content = {"format": done.format, "files": [file._asdict() for file in done.files], **done.facts}
+        content = {"format": done.format, "files": done.files, **done.facts}
         storage.emit_object("prf.export/1", content)
         return
-    say = say_beside(output or done.files[0].path)
+    say = say_beside(output or done.files[0]["path"])
     for line in _lines(done):
         say(line)
 
@@ -104,7 +104,7 @@ def export(
 def _lines(done: Exported) -> Iterator[str]:
     """Return the table for a person."""
     rows = [(name.removeprefix("n_").replace("_", " "), _words(value)) for name, value in done.facts.items()]
-    rows += [("wrote", f"{file.path}, {file.bytes:,} B") for file in done.files]
+    rows += [("wrote", f"{file['path']}, {file['bytes']:,} B") for file in done.files]
     width = max(len(name) for name, _ in rows) + 2
     return (f"{name:<{width}}{value}" for name, value in rows)
 

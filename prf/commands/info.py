@@ -13,8 +13,9 @@ from prf.shell.cli.options import Json
 from prf.shell.cli.settings import Loaded
 
 if TYPE_CHECKING:
+    from prf.model.window import Window
     from prf.readings import Kind
-    from prf.readings.describe import Extent, LogSummary
+    from prf.readings.describe import LogSummary
 
 READ = ("topic", "frame", "poses", "pose_mount", "pose_gap", "pose_offset", "pose_quaternion")
 MOST_LINES = 15
@@ -130,7 +131,7 @@ def _rows(summary: LogSummary) -> Iterator[tuple[str, str]]:
     yield "other lines", _counts(summary.lines)
 
 
-def _extent(extent: Extent | None) -> str:
+def _extent(extent: Window | None) -> str:
     if extent is None:
         return "none"
     x, y = (extent.x_min, extent.x_max), (extent.y_min, extent.y_max)

@@ -40,18 +40,18 @@ def inspect(
     from prf.shell.cli import console, storage
     from prf.shell.errors import InputError
 
-    found = look_into(source)
+    kind, manifest, files = look_into(source)
     if json:
-        content = {"path": source, "kind": found.kind, "manifest": found.manifest}
-        storage.emit_object("prf.inspect/1", {**content, "files": [file._asdict() for file in found.files]})
+        content = {"path": source, "kind": kind, "manifest": manifest}
+        storage.emit_object("prf.inspect/1", {**content, "files": [file._asdict() for file in files]})
     else:
-        rows = dict(_flat({"kind": found.kind, **found.manifest}))
+        rows = dict(_flat({"kind": kind, **manifest}))
         main = rows if console.is_verbose() else {name: rows[name] for name in MAIN if name in rows}
         hidden = [] if main == rows else [f"({len(rows) - len(main)} more entries: prf inspect -v)"]
-        for line in (*_manifest_lines(main), *hidden, *_file_lines(found.files)):
+        for line in (*_manifest_lines(main), *hidden, *_file_lines(files)):
             console.emit(line)
     for state in ("damaged", "other version"):
-        lost = [file.name for file in found.files if file.state == state and file.is_lost]
+        lost = [file.name for file in files if file.state == state and file.is_lost]
         if lost:
             raise InputError(f"{source}: {state}: {', '.join(lost)}.")
 

@@ -43,7 +43,8 @@ def report(
     target = output or f"{folder}.html"
     inputs = [str(Path(run) / name) for name in names.SCHEMAS]
     claim_output(target, force, inputs=inputs, suffixes=(".html", ".htm"))
-    written = write_report(target, read_run(run), title)
+    source = read_run(run)
+    n_bytes, n_embedded = write_report(target, source, title)
     if target != STREAM:
-        shown = f"{written.n_embedded:,} of {written.n_draws:,} draws"
-        logger.info("wrote %s: %.1f MB, answers from %s", target, written.n_bytes / 1e6, shown)
+        shown = f"{n_embedded:,} of {len(source.draws):,} draws"
+        logger.info("wrote %s: %.1f MB, answers from %s", target, n_bytes / 1e6, shown)

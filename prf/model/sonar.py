@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,18 +39,12 @@ def sonar_array(model: SonarModel) -> Floats:
     return array
 
 
-class Returns(NamedTuple):
-    """Who returns a pulse."""
-
-    alone: Floats  # (n,) q: probability that a feature would return it if there were no other
-    share: Floats  # (n,) r: probability that it does; what nearer features return does not reach it
-    none: float  # r_0: probability that no feature returns it
-
-
-def return_probabilities(model: SonarModel, feature: Floats) -> Returns:
+def return_probabilities(model: SonarModel, feature: Floats) -> tuple[Floats, Floats, float]:
     """Return what the features in one cone do with a pulse (docs/sensor-models.md, "Likelihood").
 
-    `feature` (n, N_FEATURE): nearest first, columns as in ``prf.kernels.readings.sonar_features``.
+    `feature` (n, N_FEATURE): nearest first, columns as in ``prf.kernels.readings.sonar_features``. Returns q (n,), how
+    probably each would return the pulse if there were no other; r (n,), how probably it does, since what nearer
+    features return does not reach it; and r_0, how probably none does.
     """
     depth = feature[:, v.DEPTH]
     corner = model.corner_bias - model.corner_distance * depth
@@ -59,7 +52,7 @@ def return_probabilities(model: SonarModel, feature: Floats) -> Returns:
     surface -= model.surface_oblique * (0.5 * math.pi - feature[:, v.PROJECTION])
     alone = 1.0 / (1.0 + np.exp(-np.where(feature[:, v.KIND] == v.CORNER, corner, surface)))
     left = np.cumprod(np.append(1.0, 1.0 - alone))
-    return Returns(alone, left[:-1] * alone, float(left[-1]))
+    return alone, left[:-1] * alone, float(left[-1])
 
 
 def cone_exit(window: Window, origin: Floats, angle: Floats, cone: Floats) -> Floats:

@@ -16,7 +16,7 @@ from scipy.sparse.linalg import LinearOperator, cg, splu
 
 from prf.poses.graph import Pull
 from prf.poses.plane import Floats, compose
-from prf.poses.scans import Scans
+from prf.poses.scans import WallPoints
 
 Ints = NDArray[np.int64]
 SECTORS = 8  # of the direction of normals
@@ -45,7 +45,7 @@ class Lines(NamedTuple):
     n_lines: int
 
 
-def align(scans: Scans, poses: Floats, pull: Pull, error: float, rng: np.random.Generator) -> Floats:
+def align(scans: WallPoints, poses: Floats, pull: Pull, error: float, rng: np.random.Generator) -> Floats:
     """Return poses (n, 3) at which the scans agree.
 
     `error`: metres that points lie apart at first, about.
@@ -62,7 +62,7 @@ def align(scans: Scans, poses: Floats, pull: Pull, error: float, rng: np.random.
     return np.asarray(np.mean(settled[-SETTLING:], axis=0))
 
 
-def dispersed(scans: Scans, poses: Floats, pull: Pull, rng: np.random.Generator) -> Floats:
+def dispersed(scans: WallPoints, poses: Floats, pull: Pull, rng: np.random.Generator) -> Floats:
     """Return a draw (n, 3) from the normal approximation round aligned poses, closer where few points fix them."""
     lines = common_lines(scans, poses, SMALLEST, NARROW, rng)
     push = rng.standard_normal(len(lines.weight)) / np.sqrt(lines.weight)
@@ -72,7 +72,7 @@ def dispersed(scans: Scans, poses: Floats, pull: Pull, rng: np.random.Generator)
     return compose(poses, change * np.min(CLOSE / np.maximum(size, CLOSE)))
 
 
-def common_lines(scans: Scans, poses: Floats, side: float, tolerance: float, rng: np.random.Generator) -> Lines:
+def common_lines(scans: WallPoints, poses: Floats, side: float, tolerance: float, rng: np.random.Generator) -> Lines:
     """Return the lines of squares of a side (m), laid at random, in which points of several states lie."""
     world, normal = scans.at(poses)
     column, row = np.floor((world + rng.uniform(0.0, side, 2)) / side).astype(np.int64).T

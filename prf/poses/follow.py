@@ -9,7 +9,7 @@ from prf.poses.graph import Relations, root_of
 from prf.poses.match import place_of, search
 from prf.poses.model import PosePrior
 from prf.poses.plane import Floats, compose, seen_from
-from prf.poses.scans import Scans
+from prf.poses.scans import WallPoints
 
 BEFORE = 12  # states whose points make the place
 MOST = 100  # points of a scan that are matched
@@ -21,7 +21,7 @@ STRAY = 0.05  # metres that points lie off the lines of others
 DRIFT = np.array([0.02, 0.02, 0.004])  # m, m, rad that a step errs besides: what errs alike for all points
 
 
-def follow(scans: Scans, prior: PosePrior) -> tuple[Floats, Relations]:
+def follow(scans: WallPoints, prior: PosePrior) -> tuple[Floats, Relations]:
     """Return the poses (n, 3) of odometry, each corrected by the scan, and the steps from each to the next."""
     near = scans.select(np.hypot(*scans.point.T) < REACH)
     order = np.argsort(near.owner, kind="stable")

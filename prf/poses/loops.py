@@ -15,7 +15,7 @@ from scipy.sparse.linalg import splu
 from prf.poses.graph import Ints, Pull, Relations, derivatives, errors, root_of
 from prf.poses.match import Place, place_of, search
 from prf.poses.plane import Floats, compose, seen_from, wrapped
-from prf.poses.scans import Scans
+from prf.poses.scans import WallPoints
 
 LENGTH = 5.0  # metres of the way that make a piece
 TURNED = 2.0  # metres that a radian of turning counts as
@@ -53,7 +53,7 @@ class _Piece(NamedTuple):
     place: Place  # of it and its neighbours
 
 
-def close_loops(scans: Scans, poses: Floats, chain: Pull) -> tuple[Floats, list[LoopMatch]]:
+def close_loops(scans: WallPoints, poses: Floats, chain: Pull) -> tuple[Floats, list[LoopMatch]]:
     """Return poses (n, 3) with loops closed, and all plausible closures.
 
     `poses`: right from each to the next, as far as scans can show. `chain`: what is known of each step.
@@ -69,7 +69,7 @@ def close_loops(scans: Scans, poses: Floats, chain: Pull) -> tuple[Floats, list[
     return poses, found
 
 
-def _pieces(scans: Scans, poses: Floats) -> list[_Piece]:
+def _pieces(scans: WallPoints, poses: Floats) -> list[_Piece]:
     """Return the pieces of the way, in order."""
     steps = seen_from(poses[:-1], poses[1:])
     along = np.append(0.0, np.cumsum(np.hypot(steps[:, 0], steps[:, 1]) + TURNED * np.abs(steps[:, 2])))

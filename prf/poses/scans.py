@@ -21,7 +21,7 @@ FAR_NOISE = 0.01  # share of the distance that the standard deviation of a range
 APART = 1e4  # metres between scans in the tree of neighbours, more than any range
 
 
-class Scans(NamedTuple):
+class WallPoints(NamedTuple):
     """Points that beams returned from and that lie on something flat."""
 
     owner: NDArray[np.int64]  # (n,) state
@@ -38,16 +38,16 @@ class Scans(NamedTuple):
         x, y = self.normal.T
         return world, np.column_stack([cosine * x - sine * y, sine * x + cosine * y])
 
-    def select(self, mask: NDArray[np.bool_] | NDArray[np.int64]) -> Scans:
+    def select(self, mask: NDArray[np.bool_] | NDArray[np.int64]) -> WallPoints:
         """Return the chosen points."""
-        return Scans(self.owner[mask], self.point[mask], self.normal[mask], self.weight[mask], self.n_states)
+        return WallPoints(self.owner[mask], self.point[mask], self.normal[mask], self.weight[mask], self.n_states)
 
 
-def scans_of(model: PoseModel, laser: Readings, noise: float) -> Scans:
+def scans_of(model: PoseModel, laser: Readings, noise: float) -> WallPoints:
     """Return the returns of the laser; those without neighbours on a line are left out."""
     if model.laser is None:
         none = np.zeros((0, 2))
-        return Scans(np.zeros(0, np.int64), none, none, np.zeros(0), len(model.scan))
+        return WallPoints(np.zeros(0, np.int64), none, none, np.zeros(0), len(model.scan))
     hit = laser.returned
     owner, origin = model.laser.owner[hit].astype(np.int64), model.laser.origin[hit]
     away = laser.range[hit]
@@ -55,7 +55,7 @@ def scans_of(model: PoseModel, laser: Readings, noise: float) -> Scans:
     normal, is_flat = _normals(owner, point, away, noise)
     normal *= np.where(np.einsum("ij,ij->i", normal, origin - point) < 0.0, -1.0, 1.0)[:, None]
     weight = 1.0 / np.square(np.maximum(noise, FAR_NOISE * away))
-    return Scans(owner, point, normal, weight, len(model.scan)).select(is_flat)
+    return WallPoints(owner, point, normal, weight, len(model.scan)).select(is_flat)
 
 
 def _normals(owner: NDArray[np.int64], point: Floats, away: Floats, noise: float) -> tuple[Floats, NDArray[np.bool_]]:

@@ -16,7 +16,7 @@ from prf.poses.graph import Pull, Relations, root_of
 from prf.poses.loops import LoopMatch, close_loops
 from prf.poses.model import PoseModel, PosePrior
 from prf.poses.plane import Floats
-from prf.poses.scans import Scans, scans_of
+from prf.poses.scans import WallPoints, scans_of
 from prf.readings import Readings
 
 logger = logging.getLogger(__name__)
@@ -31,7 +31,7 @@ class Start(NamedTuple):
     """Poses at which scans agree, what they are drawn round by, and where else the robot may have been."""
 
     poses: Floats  # (n, 3)
-    scans: Scans
+    scans: WallPoints
     pull: Pull
     loops: list[LoopMatch]  # of odometry: plausible closures, used or not
 

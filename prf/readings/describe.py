@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from prf.model.domain import LARGEST_RANGE
 from prf.model.laser import unit_vectors
 from prf.model.sensors import SonarModel
+from prf.model.window import Window
 from prf.readings.readings import Kind, Readings, ScanTable
 from prf.readings.text import FloatArray
 
@@ -24,15 +25,6 @@ MAX_RANGE_SHARE = 0.97
 """Default maximum range over largest range: the numbers that mean "no return" in a log spread by less (51.05-51.16)."""
 
 FAR = 8.0  # metres. What indoor mapping usually cuts ranges at; the share beyond shows how much such a cut would cost
-
-
-class Extent(NamedTuple):
-    """A box round positions, metres."""
-
-    x_min: float
-    y_min: float
-    x_max: float
-    y_max: float
 
 
 @dataclass(frozen=True)
@@ -54,9 +46,9 @@ class LogSummary:
     beams_per_scan: tuple[int, int]  # fewest and most beams that a scan has in the file
     # path_extent, returns_extent: round the sensor positions, and round the end points of the beams below the maximum
     # range (None: no such beam)
-    path_extent: Extent
+    path_extent: Window
     path_length: float  # sum of the steps between successive scans of the first device, metres
-    returns_extent: Extent | None
+    returns_extent: Window | None
     duration: float  # seconds from the smallest to the largest time stamp; nan if there are none
     # largest_range, max_range: largest finite range of the log, cut at the sensors' own maximum (nan if no range is
     # finite), and the maximum range that `prf sample` takes for it: from the log for a laser, 3.5 m for sonars
@@ -118,12 +110,12 @@ def largest_range(readings: Readings) -> float:
     return float(np.fmax(readings.largest_range, top if top <= LARGEST_RANGE else np.nan))
 
 
-def _extent(xy: FloatArray) -> Extent:
+def _extent(xy: FloatArray) -> Window:
     (x_min, y_min), (x_max, y_max) = xy.min(axis=0), xy.max(axis=0)
-    return Extent(float(x_min), float(y_min), float(x_max), float(y_max))
+    return Window(float(x_min), float(y_min), float(x_max), float(y_max))
 
 
-def _returns_extent(readings: Readings, max_range: float) -> Extent | None:
+def _returns_extent(readings: Readings, max_range: float) -> Window | None:
     hit = readings.range < max_range
     if not hit.any():
         return None

@@ -164,23 +164,18 @@ _OF_POSES = (names.POSES, names.TRAJECTORY)
 Kind = Literal["run", "grid", "map", "draws"]
 
 
-class Inspection(NamedTuple):
-    """What was found."""
+def inspect(path: str | os.PathLike[str]) -> tuple[Kind, dict[str, Any], list[FileState]]:
+    """Return what the directory or file `path` is and holds; the kind is recognised from the content.
 
-    kind: Kind
-    manifest: dict[str, Any]  # how it was made, as far as it is recorded
-    files: list[FileState]  # one for everything but a run
-
-
-def inspect(path: str | os.PathLike[str]) -> Inspection:
-    """Return what the directory or file `path` is and holds; the kind is recognised from the content."""
+    Beside the kind: how it was made, as far as it is recorded, and its files, of everything but a run one.
+    """
     place = Path(path)
     if place.is_dir():
-        return Inspection("run", read_manifest(place), inspect_files(place))
+        return "run", read_manifest(place), inspect_files(place)
     if not place.exists():
         raise InputError(f"{path}: no such file or directory.")
     kind, manifest, summary = _look_into(place)
-    return Inspection(kind, manifest, [FileState(place.name, "ok", place.stat().st_size, manifest["schema"], summary)])
+    return kind, manifest, [FileState(place.name, "ok", place.stat().st_size, manifest["schema"], summary)]
 
 
 def _look_into(file: Path) -> tuple[Kind, dict[str, Any], str]:

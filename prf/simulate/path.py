@@ -1,14 +1,16 @@
-"""A robot's drive, planned or from a CSV file, and the poses at which it measures."""
+"""A robot's drive, planned or from a CSV file, the poses at which it measures, and those that it writes down."""
 
 from __future__ import annotations
 
-import dataclasses
 import os
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 import shapely
 
+from prf.poses.model import PosePrior, step_spread
+from prf.poses.plane import seen_from, wrapped
 from prf.readings.text import BYTE_ORDER_MARK, IntArray, decompress, read_rows
 from prf.shell.cli.files import open_input
 from prf.shell.errors import ConfigError, InputError
@@ -21,14 +23,8 @@ MAX_SCANS = 10**8
 MIN_STOPS = 4  # viewpoints of a drive, so that a room is seen from more than one side
 DIGITS = 6  # decimals of a pose, metres and radians: what a log writes is what was simulated
 COLUMNS = ("x", "y", "theta", "t")
-
-
-@dataclasses.dataclass(frozen=True)
-class Spacing:
-    """When a robot measures: whenever the metres and radians since the last scan, each in these units, add up to 1."""
-
-    metres: float = 0.5
-    radians: float = 0.5
+SPACING = (0.5, 0.5)
+"""Metres and radians: a robot measures whenever those since the last scan, each in these units, add up to 1."""
 
 
 class Scans(NamedTuple):
@@ -73,11 +69,11 @@ def pulled(road: Roadmap, way: Floats) -> Floats:
     return way[kept]
 
 
-def scans_along(corners: Floats, spacing: Spacing, n_scans: int | None = None) -> Scans:
+def scans_along(corners: Floats, spacing: tuple[float, float] = SPACING, n_scans: int | None = None) -> Scans:
     """Return the scans of a robot that drives along straight legs and turns in place between them.
 
-    `corners` (n, 2): metres. `n_scans`: how many, spread evenly over the drive, metres and radians in the proportion of
-    `spacing`. Default: by spacing.
+    `corners` (n, 2): metres. `spacing`: as :data:`SPACING`. `n_scans`: how many, spread evenly over the drive, metres
+    and radians in the proportion of `spacing`. Default: by spacing.
     """
     knots = _knots(corners, spacing)
     way = knots[-1, 0]
@@ -91,7 +87,7 @@ def scans_along(corners: Floats, spacing: Spacing, n_scans: int | None = None) -
     return Scans.rounded(found[:, 1:], found[:, 0])
 
 
-def _knots(corners: Floats, spacing: Spacing) -> Floats:
+def _knots(corners: Floats, spacing: tuple[float, float]) -> Floats:
     """Return the way as (n, 5) points to interpolate between: units of spacing, seconds, x, y, heading."""
     legs = np.diff(corners, axis=0)
     length = np.hypot(*legs.T)
@@ -101,7 +97,7 @@ def _knots(corners: Floats, spacing: Spacing) -> Floats:
     heading = np.unwrap(np.arctan2(legs[:, 1], legs[:, 0]))
     turn = np.abs(np.diff(heading, prepend=heading[0]))
     # Each leg has two knots: after the turn before it, and at its end.
-    parts = np.column_stack([turn / spacing.radians, length / spacing.metres]).ravel()
+    parts = np.column_stack([turn / spacing[1], length / spacing[0]]).ravel()
     seconds = np.column_stack([turn / TURNING, length / SPEED]).ravel()
     xy = np.stack([corners[:-1], corners[1:]], axis=1).reshape(-1, 2)
     return np.column_stack([np.cumsum(parts), np.cumsum(seconds), xy, np.repeat(heading, 2)])
@@ -156,3 +152,30 @@ def read_path(path: str | os.PathLike[str]) -> PathFile:
     names = COLUMNS if "theta" in rows.columns else COLUMNS[:2]
     table = np.column_stack([rows.columns[name] for name in names if name in rows.columns])
     return PathFile(str(path), rows.line, table)
+
+
+NO_STEPS = np.zeros((0, 3))
+UNKNOWN = (np.inf, np.inf)
+
+
+def given_scans(
+    scans: Scans, noise: Sequence[float] | None, odometry: Sequence[float] | None, rng: np.random.Generator
+) -> Scans:
+    """Return scans at the poses that a robot would write down, drawn from the model that `prf sample` assumes.
+
+    `noise`: standard deviations of independent errors, metres and radians. `odometry`: the four numbers of
+    :data:`prf.configuration.ODOMETRY`; steps from scan to scan, each with its error, add up from the true first pose.
+    """
+    steps = (NO_STEPS, NO_STEPS)
+    if odometry is not None:
+        motion = seen_from(scans.pose[:-1], scans.pose[1:])
+        steps = (motion, step_spread(motion, odometry))
+    prior = PosePrior(scans.pose, np.array(UNKNOWN if noise is None else noise, np.float64), *steps)
+    return Scans.rounded(prior.draw(rng), scans.time)
+
+
+def rms_errors(scans: Scans, given: Scans) -> list[float]:
+    """Return the root mean square errors of given poses: of the place, metres, and of the heading, radians."""
+    error: Floats = given.pose - scans.pose
+    squares = (error[:, 0] ** 2 + error[:, 1] ** 2, wrapped(error[:, 2]) ** 2)
+    return [float(np.sqrt(each.mean())) for each in squares]

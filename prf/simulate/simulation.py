@@ -14,14 +14,11 @@ from prf.model.window import Window
 from prf.readings.robot import PIONEER, mounted
 from prf.shell.cli.provenance import spawn_generators
 from prf.shell.errors import ConfigError, InputError, UsageError
-from prf.simulate.given import given_scans
-from prf.simulate.laser import LaserPhysics, simulate_laser
-from prf.simulate.path import PathFile, Scans, Spacing, plan_drive, read_path, scans_along
-from prf.simulate.plans import office
+from prf.simulate.floorplan import office
+from prf.simulate.path import SPACING, PathFile, Scans, given_scans, plan_drive, read_path, scans_along
 from prf.simulate.roadmap import roadmap
-from prf.simulate.sonar import SonarPhysics, simulate_sonar
-from prf.simulate.sources import draw_world, read_world
-from prf.simulate.world import Floats, World
+from prf.simulate.sensors import LaserPhysics, SonarPhysics, simulate_laser, simulate_sonar
+from prf.simulate.world import Floats, World, draw_world, read_world
 
 OFFICE, ARAK = "office", "arak"
 WORLDS_OF = {"size": (OFFICE, ARAK), "scale": (ARAK,)}
@@ -39,7 +36,7 @@ RING_RADIUS = float(np.hypot(*PIONEER[:, :2].T).max())
 class SimulateConfig:
     """What to simulate. Units: metres, radians."""
 
-    world: str = OFFICE  # "office", "arak", or a file (:func:`prf.simulate.sources.read_world`)
+    world: str = OFFICE  # "office", "arak", or a file (:func:`prf.simulate.world.read_world`)
     size: tuple[float, float] = SIZE  # width and height of an office or of the window of a draw
     scale: float = 0.1  # p of a draw, 1/m
     path: str | None = None  # a file with waypoints or poses; default a drive that is planned
@@ -176,7 +173,7 @@ def _drive(config: SimulateConfig, world: World, given: PathFile | None) -> Scan
         scans = given.scans()
         return _with_space(config, world, Scans(scans.pose[:n_scans], scans.time[:n_scans]))
     corners = given.rows if given is not None else plan_drive(roadmap(world, config.robot_radius), REACH)
-    spacing = Spacing(config.spacing or Spacing.metres)
+    spacing = (config.spacing or SPACING[0], SPACING[1])
     return _with_space(config, world, scans_along(corners, spacing, n_scans))
 
 

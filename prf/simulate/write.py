@@ -25,9 +25,8 @@ from prf.shell.cli.outputs import remove_leftovers
 from prf.shell.cli.pictures import Target
 from prf.shell.cli.provenance import describe_input, versions
 from prf.shell.cli.storage import dump_object
-from prf.simulate.given import rms_errors
-from prf.simulate.laser import LaserPhysics
-from prf.simulate.path import DIGITS, Scans
+from prf.simulate.path import DIGITS, Scans, rms_errors
+from prf.simulate.sensors import LaserPhysics
 from prf.simulate.simulation import ARAK, OFFICE, Simulation
 from prf.simulate.world import Floats
 

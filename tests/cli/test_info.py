@@ -148,7 +148,7 @@ def test_a_damaged_file_is_shown_and_fails(folder: Path, capsys: pytest.CaptureF
 def test_an_unknown_version_is_refused(folder: Path, capsys: pytest.CaptureFixture) -> None:
     (folder / "manifest.json").write_text('{"schema": "prf.run/7"}')
     assert prf("inspect", str(folder)) == 3
-    assert "version 7 of prf.results is not known" in capsys.readouterr().err
+    assert "version 7 of prf.run is not known" in capsys.readouterr().err
 
 
 def test_files_of_other_versions(folder: Path, capsys: pytest.CaptureFixture) -> None:

@@ -11,7 +11,7 @@ from prf.configuration import ODOMETRY
 from prf.poses.model import pose_model
 from prf.poses.plane import compose
 from prf.readings import LogNotes, Readings, ScanTable
-from prf.simulate.laser import LaserPhysics, simulate_laser
+from prf.simulate.sensors import LaserPhysics, simulate_laser
 
 
 def box(x0, y0, x1, y1):

@@ -12,7 +12,7 @@ from prf.model.arak import exact_draws
 from prf.model.window import Window
 from prf.shell.errors import ConfigError
 from prf.simulate import LaserPhysics, World, office, simulate_laser
-from prf.simulate.laser import cast, measure
+from prf.simulate.sensors import cast, measure
 from tests.reference.beams import Sensor, density, mass_of_no_return
 from tests.reference.slow_laser import first_wall
 

@@ -13,7 +13,7 @@ from shapely import box
 
 from prf.model.window import Window
 from prf.shell.errors import InputError
-from prf.simulate import Spacing, World, office, plan_drive, roadmap, scans_along
+from prf.simulate import World, office, plan_drive, roadmap, scans_along
 from prf.simulate.path import SPEED, TURNING, PathFile, read_path
 from prf.simulate.roadmap import short_tour, viewpoints
 
@@ -31,7 +31,7 @@ def test_the_robot_keeps_clear_of_walls_and_of_the_border(floor: World) -> None:
     way = shapely.LineString(corners)
     assert way.distance(floor.occupied) >= RADIUS
     assert box(*floor.window).buffer(-RADIUS).contains(way)
-    assert floor.free_at(scans_along(corners, Spacing(0.1, 0.1)).pose[:, :2]).all()
+    assert floor.free_at(scans_along(corners, (0.1, 0.1)).pose[:, :2]).all()
 
 
 def test_the_robot_reaches_every_place(floor: World) -> None:
@@ -84,7 +84,7 @@ L_SHAPE = np.array([(0.0, 0.0), (4.0, 0.0), (4.0, 3.0)])
 
 
 def test_scans_are_spaced_in_metres_and_radians() -> None:
-    scans = scans_along(L_SHAPE, Spacing(0.5, np.pi / 8.0))
+    scans = scans_along(L_SHAPE, (0.5, np.pi / 8.0))
     # 8 on the first leg, 4 in the turn, 6 on the second, and the first one
     assert len(scans.time) == 19
     np.testing.assert_allclose(scans.pose[8], (4.0, 0.0, 0.0))
@@ -95,15 +95,15 @@ def test_scans_are_spaced_in_metres_and_radians() -> None:
 
 
 def test_the_given_number_of_scans() -> None:
-    spread = scans_along(L_SHAPE, Spacing(0.5, 0.5), 1000)
+    spread = scans_along(L_SHAPE, (0.5, 0.5), 1000)
     assert len(spread.time) == 1000
     assert 0.0 < np.hypot(*(spread.pose[-1, :2] - L_SHAPE[-1])) < 0.02
-    assert len(scans_along(L_SHAPE, Spacing(), 5).time) == 5
+    assert len(scans_along(L_SHAPE, n_scans=5).time) == 5
 
 
 def test_headings_turn_the_shorter_way() -> None:
     zigzag = np.array([(0.0, 0.0), (-1.0, 0.01), (-2.0, -0.01), (-1.0, -0.01)])
-    heading = np.unwrap(scans_along(zigzag, Spacing(0.1, 0.1)).pose[:, 2])
+    heading = np.unwrap(scans_along(zigzag, (0.1, 0.1)).pose[:, 2])
     assert np.ptp(heading) <= np.pi + 0.05
     assert np.abs(np.diff(heading)).max() <= 0.1 + 1e-6
 

@@ -12,7 +12,7 @@ from prf.model.coloring import Coloring, violations
 from prf.model.window import Window
 from prf.shell.errors import ConfigError, InputError
 from prf.simulate import World, office, roadmap
-from prf.simulate.plans import MARGIN, draft_office
+from prf.simulate.floorplan import MARGIN, draft_office
 from prf.simulate.roadmap import CELL
 from prf.simulate.world import without_straight
 from tests.reference.slow_coloring import edge_set

@@ -13,8 +13,8 @@ from prf.readings import read_readings
 from prf.results import read_map_feature
 from prf.shell.errors import ConfigError, InputError
 from prf.simulate import LaserPhysics, SimulateConfig, simulate, summary, write_simulation
+from prf.simulate.sensors import SonarPhysics
 from prf.simulate.simulation import MIN_ROOM
-from prf.simulate.sonar import SonarPhysics
 from prf.simulate.write import FILES
 from tests.reference.slow_coloring import edge_set
 

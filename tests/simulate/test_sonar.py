@@ -12,7 +12,7 @@ import shapely
 from numpy.typing import NDArray
 
 from prf.shell.errors import ConfigError
-from prf.simulate.sonar import SonarPhysics, directivity_db, simulate_sonar
+from prf.simulate.sensors import SonarPhysics, directivity_db, simulate_sonar
 from tests.readings.sonar_sets import ARENA_POSITIONS, CORRIDOR_BEARINGS, arena_readings, corridor8_readings
 
 QUIET = SonarPhysics(

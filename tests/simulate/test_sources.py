@@ -13,12 +13,11 @@ from shapely import MultiPolygon, Polygon, box
 from prf.model.arak import exact_draws, expected_edges
 from prf.model.coloring import violations
 from prf.model.window import Window
-from prf.output.export.cells import Cells, rasterise
-from prf.output.export.ros_map import ros_map
+from prf.output.export.cells import Raster, rasterise, ros_map
 from prf.results.geojson import map_text, outline_of_cells
 from prf.shell.errors import InputError
 from prf.simulate import World, draw_world, office, read_world, roadmap
-from prf.simulate.sources import CellMap, _joined, read_cell_map, world_of_cells
+from prf.simulate.world import CellMap, _joined, read_cell_map, world_of_cells
 from tests.output.export.map_server import load
 from tests.reference.slow_coloring import edge_set
 
@@ -49,7 +48,7 @@ def test_polygons_of_another_program_get_a_window(tmp_path: Path) -> None:
 
 def test_maps_without_inside_and_outside_are_refused(tmp_path: Path) -> None:
     touching = MultiPolygon([box(0.0, 0.0, 1.0, 1.0), box(1.0, 1.0, 2.0, 2.0)])
-    for region, message in ((touching, "touch at a point"), (MultiPolygon(), "neither a polygon nor a window")):
+    for region, message in ((touching, "touch at a point"), (MultiPolygon(), "expected polygons of the occupied area")):
         (tmp_path / "map.json").write_text(json.dumps(shapely.geometry.mapping(region)))
         with pytest.raises(InputError, match=message):
             read_world(tmp_path / "map.json")
@@ -64,7 +63,7 @@ def test_draws_follow_the_laws_of_the_prior() -> None:
     """The mean number of walls, at a false-alarm rate of 1e-4, and so few draws more at a scale a fifth larger not."""
     rng, others = np.random.default_rng(2), np.random.default_rng(3)
     counts, larger = (
-        np.array([len(draw_world(scale, WINDOW, r, lambda world: True).world.walls) for _ in range(N_DRAWS)])
+        np.array([len(draw_world(scale, WINDOW, r, lambda world: True)[0].walls) for _ in range(N_DRAWS)])
         for scale, r in ((0.2, rng), (0.24, others))
     )
     law = expected_edges(0.2, WINDOW)
@@ -82,12 +81,12 @@ def test_the_first_draw_that_can_be_used_is_taken() -> None:
 
     n_redrawn = []
     for seed in range(12):
-        drawn = draw_world(0.2, WINDOW, np.random.default_rng(seed), has_room)
+        drawn, n_thrown = draw_world(0.2, WINDOW, np.random.default_rng(seed), has_room)
         rng = np.random.default_rng(seed)
-        stream = [World.from_coloring(exact_draws(0.2, WINDOW, 1, rng)[0]) for _ in range(drawn.n_redrawn + 1)]
-        assert [has_room(world) for world in stream] == [False] * drawn.n_redrawn + [True]
-        assert np.array_equal(stream[-1].walls, drawn.world.walls)
-        n_redrawn.append(drawn.n_redrawn)
+        stream = [World.from_coloring(exact_draws(0.2, WINDOW, 1, rng)[0]) for _ in range(n_thrown + 1)]
+        assert [has_room(world) for world in stream] == [False] * n_thrown + [True]
+        assert np.array_equal(stream[-1].walls, drawn.walls)
+        n_redrawn.append(n_thrown)
     assert max(n_redrawn) > 0
 
 
@@ -120,9 +119,9 @@ def test_cells_that_touch_at_a_corner_are_joined_and_none_is_lost() -> None:
 
 def test_maps_are_read_as_map_server_serves_them(tmp_path: Path) -> None:
     probability = np.random.default_rng(3).choice([0.0, 0.1, 0.9, 1.0, np.nan], (12, 17))
-    files = ros_map(Cells(probability, np.array([-3.0, 2.0]), 0.1), None, "map.pgm")
-    (tmp_path / "map.yaml").write_text(files.yaml)
-    (tmp_path / "map.pgm").write_bytes(files.image)
+    yaml, image, _ = ros_map(Raster(probability, np.array([-3.0, 2.0]), 0.1), None, "map.pgm")
+    (tmp_path / "map.yaml").write_text(yaml)
+    (tmp_path / "map.pgm").write_bytes(image)
     cells, served = read_cell_map(tmp_path / "map.yaml"), load(tmp_path / "map.yaml")
     assert np.array_equal(cells.unknown, served.data == -1)
     assert np.array_equal(cells.occupied, served.data > 65)
@@ -142,9 +141,9 @@ def test_a_floor_is_recovered_from_its_raster(tmp_path: Path) -> None:
     """Walls within a cell of where they were; of the few dozen of a slanted room one wall each."""
     truth = office(14.0, 9.0, np.random.default_rng(5), furniture=False)
     cells = rasterise(truth.coloring(), 0.02, squares=False)
-    files = ros_map(cells, None, "map.pgm")
-    (tmp_path / "map.yaml").write_text(files.yaml)
-    (tmp_path / "map.pgm").write_bytes(files.image)
+    yaml, image, _ = ros_map(cells, None, "map.pgm")
+    (tmp_path / "map.yaml").write_text(yaml)
+    (tmp_path / "map.pgm").write_bytes(image)
     world = read_world(tmp_path / "map.yaml")
     occupied = world.occupied.intersection(box(*truth.window).buffer(-0.1))  # all is occupied round the map
     assert occupied.symmetric_difference(truth.occupied).area < 0.02 * shapely.length(truth.occupied)

@@ -21,9 +21,9 @@ from prf.readings.robot import PIONEER, mounted
 from prf.readings.table import read_table
 from prf.shell.errors import ConfigError
 from prf.shell.poses.files import read_pose_file
-from prf.simulate import LaserPhysics, Scans, SimulateConfig, Spacing, scans_along, simulate, write_simulation
-from prf.simulate.given import given_scans, rms_errors
-from prf.simulate.sonar import SonarPhysics
+from prf.simulate import LaserPhysics, Scans, SimulateConfig, scans_along, simulate, write_simulation
+from prf.simulate.path import given_scans, rms_errors
+from prf.simulate.sensors import SonarPhysics
 from prf.simulate.write import carmen_lines, no_return_number, path_lines, pose_lines, sonar_lines, tum_lines
 
 RNG = np.random.default_rng(1)
@@ -146,7 +146,7 @@ def test_logs_share_errors_and_the_true_poses_lie_beside(tmp_path: Path) -> None
 
 
 CORNERS = np.array([[2.0, 2.0], [28.0, 2.0], [28.0, 18.0], [2.0, 18.0], [2.0, 2.0]])
-GIVEN_SCANS = scans_along(CORNERS, Spacing())
+GIVEN_SCANS = scans_along(CORNERS)
 
 
 def test_independent_errors_have_the_deviations_asked_for() -> None:

@@ -10,7 +10,7 @@ import pytest
 
 from prf.model.arak import exact_draws
 from prf.model.coloring import Coloring, Draws, black_at
-from prf.model.coloring.validity import violations
+from prf.model.coloring.polygons import violations
 from prf.model.window import Window
 from tests.reference import disagreement_loops as loops
 from tests.statistical.laws import LawScores, law_scores

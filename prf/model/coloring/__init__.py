@@ -2,8 +2,7 @@
 
 from prf.model.coloring.geojson import feature_lines, from_feature, read_geojsonl, to_feature
 from prf.model.coloring.graph import Coloring, Draws, black_areas, black_at, black_at_draws, count_black
-from prf.model.coloring.polygons import from_polygons, occupied_polygons, oriented_polygons
-from prf.model.coloring.validity import check, violations
+from prf.model.coloring.polygons import check, from_polygons, occupied_polygons, oriented_polygons, violations
 
 __all__ = [
     "Coloring",

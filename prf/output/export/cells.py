@@ -1,7 +1,14 @@
-"""Probabilities on square cells of a run, a grid or one map, and what of them may be exported as known."""
+"""Probabilities on square cells of a run, a grid or one map, what of them is known, and their files for ROS.
+
+map_server (ROS 1 and nav2) reads an image and a yaml file, here in mode trinary. What it makes of a pixel
+(https://wiki.ros.org/map_server, section "Value Interpretation"), ``negate`` 0 and occ = (255 - pixel) / 255: 100 above
+``occupied_thresh``, 0 below ``free_thresh``, else unknown (-1).
+"""
 
 from __future__ import annotations
 
+import json
+import re
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -25,8 +32,8 @@ WALL = 0.5  # metres beyond seen cells up to which polygons of occupied ground a
 SEAM = 1e-6  # metres by which known ground is enlarged: parts of it that touch at a corner grow together
 
 
-class Cells(NamedTuple):
-    """Probabilities on square cells."""
+class Raster(NamedTuple):
+    """Probabilities on square cells, whatever they are from."""
 
     probability: NDArray[Any]  # (ny, nx) of being occupied; row 0 has the lowest y; nan where nothing is known
     origin: NDArray[np.float64]  # (2,) lower left corner of cell (0, 0) in metres
@@ -40,7 +47,7 @@ def cells_of(
     *,
     squares: bool = False,
     resolution: float | None = None,
-) -> Cells:
+) -> Raster:
     """Return the posterior of a run, the cells of a grid, or one map as cells of probability 0 and 1.
 
     Cells farther than `extrapolate` metres from what readings of a run or a grid saw are nan.
@@ -51,14 +58,14 @@ def cells_of(
     return only_known(_all_cells(source, draw, squares, resolution), source.image, extrapolate)
 
 
-def _all_cells(source: Source, draw: int | None, squares: bool, resolution: float | None) -> Cells:
+def _all_cells(source: Source, draw: int | None, squares: bool, resolution: float | None) -> Raster:
     run, image = source.run, source.image
     if source.grid is not None and draw is None:
         if squares or resolution is not None:
             raise UsageError(
                 f"a GRID has cells of {source.grid.resolution:g} m only: leave --squares and --resolution out."
             )
-        return Cells(source.grid.occupancy, source.grid.origin, source.grid.resolution)
+        return Raster(source.grid.occupancy, source.grid.origin, source.grid.resolution)
     if run is None or draw is not None:
         coloring = source.choose_map(draw).coloring
         return rasterise(coloring, resolution or _usual_resolution(coloring.window, image), squares)
@@ -66,7 +73,7 @@ def _all_cells(source: Source, draw: int | None, squares: bool, resolution: floa
         raise run.missing(names.POSTERIOR)
     wanted = resolution or (image.resolution if squares else _usual_resolution(run.draws.window, image))
     if wanted == image.resolution:
-        return Cells(image.square_occupancy if squares else image.occupancy, image.origin, image.resolution)
+        return Raster(image.square_occupancy if squares else image.occupancy, image.origin, image.resolution)
     if squares:
         raise UsageError("--squares and --resolution: a run knows the squares of its own image alone.")
     return share_of_draws(run.draws, wanted)
@@ -78,17 +85,17 @@ def _usual_resolution(window: Window, image: PosteriorImage | None) -> float:
     return own if window.area / RESOLUTION**2 > MAX_CELLS else min(own, RESOLUTION)
 
 
-def share_of_draws(draws: Draws, resolution: float) -> Cells:
+def share_of_draws(draws: Draws, resolution: float) -> Raster:
     """Return the share of draws in which the centre of each cell is black, nan beyond the window."""
     if len(draws) == 0:
         raise InputError("no draws yet: nothing can be exported. Resume with prf sample --resume.")
     grid = _checked_grid(draws.window, resolution)
     count = count_black(draws, grid)
     share = np.where(draws.window.contains(pixel_centres(grid)), count / len(draws), np.nan)
-    return Cells(share.reshape(grid.ny, grid.nx), np.array([grid.x0, grid.y0]), resolution)
+    return Raster(share.reshape(grid.ny, grid.nx), np.array([grid.x0, grid.y0]), resolution)
 
 
-def only_known(cells: Cells, image: PosteriorImage | None, extrapolate: float) -> Cells:
+def only_known(cells: Raster, image: PosteriorImage | None, extrapolate: float) -> Raster:
     """Return cells with nan where the centre lies farther than `extrapolate` metres from what readings saw."""
     if image is None:
         return cells
@@ -99,14 +106,14 @@ def only_known(cells: Cells, image: PosteriorImage | None, extrapolate: float) -
     return cells._replace(probability=np.where(seen, cells.probability, np.nan))
 
 
-def rasterise(coloring: Coloring, resolution: float, squares: bool) -> Cells:
+def rasterise(coloring: Coloring, resolution: float, squares: bool) -> Raster:
     """Return the cells of one map: 1 where the centre (`squares`: any part) is black, nan beyond the window."""
     draws = Draws.from_colorings([coloring])
     if not squares:
         return share_of_draws(draws, resolution)
     grid = _checked_grid(coloring.window, resolution)
     black = occupied_probability(draws, pixel_centres(grid), resolution)
-    return Cells(black.reshape(grid.ny, grid.nx), np.array([grid.x0, grid.y0]), resolution)
+    return Raster(black.reshape(grid.ny, grid.nx), np.array([grid.x0, grid.y0]), resolution)
 
 
 def _checked_grid(window: Window, resolution: float) -> Grid:
@@ -154,3 +161,53 @@ def known_ground(image: PosteriorImage, extrapolate: float) -> BaseGeometry:
     boxes = shapely.box(*(low - SEAM).T, *(high + SEAM).T)
     ground: BaseGeometry = shapely.union_all(boxes)
     return ground
+
+
+FREE_THRESHOLD, OCCUPIED_THRESHOLD = 0.196, 0.65
+"""Those of ROS 1. A free threshold of 0.25, nav2's own, would make unknown cells free: pixel 205 means 0.1961."""
+FREE_PIXEL, UNKNOWN_PIXEL, OCCUPIED_PIXEL = 254, 205, 0
+
+
+def ros_map(cells: Raster, unknown: tuple[float, float] | None, image_name: str) -> tuple[str, bytes, dict[str, int]]:
+    """Return the yaml file and the image of a map for ROS, and the numbers of cells of each kind.
+
+    `unknown`: a cell of a probability from the first to the second is unknown, as is one of probability nan. None: the
+    thresholds. `image_name`: name of the image as the yaml file gives it, relative to itself.
+    """
+    probability = np.asarray(cells.probability, dtype=np.float64)[::-1]  # the top row of an image has the largest y
+    low, high = unknown if unknown is not None else (FREE_THRESHOLD, OCCUPIED_THRESHOLD)
+    is_free, is_occupied = probability < low, probability > high
+    pixel = np.select([is_occupied, is_free], [OCCUPIED_PIXEL, FREE_PIXEL], UNKNOWN_PIXEL).astype(np.uint8)
+    kinds = {"n_free": is_free, "n_occupied": is_occupied, "n_unknown": ~(is_free | is_occupied)}
+    counts = {name: int(np.count_nonzero(kind)) for name, kind in kinds.items()}
+    return _yaml(cells, image_name), pgm_bytes(pixel), counts
+
+
+def _yaml(cells: Raster, image_name: str) -> str:
+    x, y = (_number(value) for value in cells.origin)
+    lines = (
+        f"image: {_plain(image_name)}",
+        "mode: trinary",
+        f"resolution: {_number(cells.resolution)}",
+        f"origin: [{x}, {y}, 0.0]",
+        "negate: 0",
+        f"occupied_thresh: {OCCUPIED_THRESHOLD}",
+        f"free_thresh: {FREE_THRESHOLD}",
+    )
+    return "\n".join(lines) + "\n"
+
+
+def _number(value: float) -> str:
+    """Return all digits without an exponent: to some readers of YAML 1e-05 is a text."""
+    return np.format_float_positional(float(value), trim="0")
+
+
+def _plain(name: str) -> str:
+    """Return a name, quoted where YAML would take it for something else."""
+    return name if re.fullmatch(r"[A-Za-z_][\w.-]*", name, re.ASCII) else json.dumps(name, ensure_ascii=False)
+
+
+def pgm_bytes(grey: NDArray[np.uint8]) -> bytes:
+    """Return a binary PGM of (n_rows, n_columns) pixels, the top row first."""
+    n_rows, n_columns = grey.shape
+    return b"P5\n%d %d\n255\n" % (n_columns, n_rows) + np.ascontiguousarray(grey).tobytes()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import PurePath
 from typing import Any, NamedTuple
@@ -11,14 +12,11 @@ import shapely
 from shapely import MultiPolygon
 
 from prf.model.coloring import oriented_polygons
-from prf.output.export.cells import cells_of, cut_to_known
+from prf.output.export.cells import cells_of, cut_to_known, ros_map
 from prf.output.export.drawings import dxf_text, paper_ratio, svg_text
 from prf.output.export.netcdf import netcdf_bytes
-from prf.output.export.ros_map import ros_map
-from prf.output.export.source import Source, read_source, require_existing, stem_of
-from prf.output.export.tum import trajectory_of, tum_text
+from prf.output.export.source import Source, read_source, require_existing, stem_of, trajectory_of, tum_text
 from prf.results import map_text
-from prf.results.run import agreement
 from prf.shell.cli.files import STREAM, encoded, open_output, together
 from prf.shell.cli.outputs import exclusive, refuse_existing, refuse_inputs
 from prf.shell.errors import UsageError
@@ -54,26 +52,13 @@ class Options:
     extrapolate: float | None = None
 
 
-class File(NamedTuple):
-    """A file that was written, and its size."""
-
-    path: str
-    bytes: int
-
-
 class Exported(NamedTuple):
     """What was written: format, files, figures about the content, and what its user should know."""
 
     format: str
-    files: tuple[File, ...]
+    files: list[dict[str, Any]]  # "path" and "bytes" of each
     facts: dict[str, Any]
-    notes: tuple[str, ...]
-
-
-class _Content(NamedTuple):
-    parts: tuple[str | bytes, ...]
-    facts: dict[str, Any]
-    notes: tuple[str, ...] = ()
+    notes: list[str]
 
 
 def export_source(path: str | os.PathLike[str], output: str | None, options: Options, force: bool = False) -> Exported:
@@ -91,13 +76,14 @@ def export_source(path: str | os.PathLike[str], output: str | None, options: Opt
     refuse_inputs(files, [os.fspath(path)])
     with exclusive(*files):
         source = read_source(path)
-        content = _content(name, source, options, files)
+        parts, facts = _content(name, source, options, files)
         with together():  # the yaml file of a ROS map, which names the image, is written last
-            for target, part in reversed(list(zip(files, content.parts, strict=True))):
+            for target, part in reversed(list(zip(files, parts, strict=True))):
                 with open_output(target, binary=isinstance(part, bytes)) as stream:
                     stream.write(part)
-    sizes = [len(encoded(part) if isinstance(part, str) else part) for part in content.parts]
-    return Exported(name, tuple(map(File, files, sizes)), content.facts, (*content.notes, *chains_notes(source)))
+    sizes = [len(encoded(part) if isinstance(part, str) else part) for part in parts]
+    written = [{"path": file, "bytes": size} for file, size in zip(files, sizes, strict=True)]
+    return Exported(name, written, facts, notes_on(source, facts))
 
 
 def resolve_format(wanted: str | None, output: str | None) -> str:
@@ -153,23 +139,27 @@ def targets(name: str, output: str | None, stem: str) -> tuple[str, ...]:
     return f"{base}.yaml", f"{base}.pgm"
 
 
-def chains_notes(source: Source) -> tuple[str, ...]:
-    """Return a line where the chains of a run disagree on what was seen; empty for a grid or one map."""
-    image = None if source.run is None else source.run.image
-    if image is None or image.disagreement is None:
-        return ()
-    found = agreement(image.disagreement, image.seen, image.origin, image.resolution)
-    if not found.seen < AGREED:
-        return ()
-    return (f"{found.words()}. Sample longer before you rely on it there: prf sample --resume {source.path}",)
+def notes_on(source: Source, facts: Mapping[str, Any]) -> list[str]:
+    """Return a line where draws were left out, and where the chains of a run disagree on what was seen."""
+    notes, run = [], source.run
+    if run is not None and facts.get("n_draws_left_out"):
+        left_out = f"{facts['n_draws_left_out']} of {len(run.chain)} draws left out, beyond the shortest one."
+        notes.append(f"chains of uneven length: {left_out}")
+    found = None if run is None or run.image is None else run.image.agreement()
+    if found is not None and found.seen < AGREED:
+        notes.append(f"{found.words()}. Sample longer before you rely on it there: prf sample --resume {source.path}")
+    return notes
 
 
-def _content(name: str, source: Source, options: Options, files: tuple[str, ...]) -> _Content:
+def _content(
+    name: str, source: Source, options: Options, files: tuple[str, ...]
+) -> tuple[tuple[str | bytes, ...], dict[str, Any]]:
+    """Return the content of each file, and figures about it."""
     if name == NETCDF:
         return _netcdf(source)
     if name == TUM:
         figures = trajectory_of(source).figures()
-        return _Content((tum_text(source, options.draw),), {"n_poses": figures.pop("n"), **figures})
+        return ((tum_text(source, options.draw),), {"n_poses": figures.pop("n"), **figures})
     if name == ROS_MAP:
         return _ros_map(source, options, PurePath(files[1]).name)
     chosen = source.choose_map(options.draw)
@@ -178,10 +168,10 @@ def _content(name: str, source: Source, options: Options, files: tuple[str, ...]
     area, window = oriented_polygons(chosen.coloring), chosen.coloring.window
     facts, title = {"map": chosen.title, **_counts(area)}, _printable(chosen.title)
     if name == GEOJSON:
-        return _Content((map_text(chosen.coloring, chosen.properties),), facts)
+        return ((map_text(chosen.coloring, chosen.properties),), facts)
     if name == DXF:
-        return _Content((dxf_text(area, window, title),), facts)
-    return _Content((svg_text(area, window, title),), {**facts, "scale": f"1:{paper_ratio(window):g}"})
+        return ((dxf_text(area, window, title),), facts)
+    return ((svg_text(area, window, title),), {**facts, "scale": f"1:{paper_ratio(window):g}"})
 
 
 def _counts(area: MultiPolygon) -> dict[str, Any]:
@@ -202,20 +192,18 @@ def _printable(title: str) -> str:
     return "".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in plain)
 
 
-def _ros_map(source: Source, options: Options, image_name: str) -> _Content:
+def _ros_map(source: Source, options: Options, image_name: str) -> tuple[tuple[str, bytes], dict[str, Any]]:
     cells = cells_of(
         source, options.draw, options.extrapolate or 0.0, squares=options.squares, resolution=options.resolution
     )
-    made = ros_map(cells, options.unknown, image_name)
+    yaml, image, counts = ros_map(cells, options.unknown, image_name)
     n_rows, n_columns = cells.probability.shape
-    facts = {"n_columns": n_columns, "n_rows": n_rows, "resolution": cells.resolution, **made.counts}
-    return _Content((made.yaml, made.image), facts)
+    facts = {"n_columns": n_columns, "n_rows": n_rows, "resolution": cells.resolution, **counts}
+    return (yaml, image), facts
 
 
-def _netcdf(source: Source) -> _Content:
+def _netcdf(source: Source) -> tuple[tuple[bytes], dict[str, Any]]:
     run = source.require_run("chains")
-    content, chains = netcdf_bytes(run)
-    n_chains, n_draws = chains.rows.shape
-    facts = {"n_chains": n_chains, "n_draws_per_chain": n_draws, "n_draws_left_out": chains.n_left_out}
-    note = f"chains of uneven length: {chains.n_left_out} of {len(run.chain)} draws left out, beyond the shortest one."
-    return _Content((content,), facts, (note,) if chains.n_left_out else ())
+    content, (n_chains, n_draws) = netcdf_bytes(run)
+    left_out = len(run.chain) - n_chains * n_draws
+    return (content,), {"n_chains": n_chains, "n_draws_per_chain": n_draws, "n_draws_left_out": left_out}

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import io
 import json
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,16 +26,8 @@ MAX_INTEGER = 2**63 - 1
 DIMENSIONS = ("chain", "draw")
 
 
-class Chains(NamedTuple):
-    """Draws in a rectangle."""
-
-    numbers: NDArray[np.int32]  # (n_chains,) numbers of the chains that recorded a draw
-    rows: NDArray[np.int64]  # (n_chains, n_draws) number of each draw in the run, by step
-    n_left_out: int  # draws beyond the length of the shortest chain
-
-
-def align_chains(run: RunData) -> Chains:
-    """Return the first draws of every chain, as many as the shortest one has.
+def align_chains(run: RunData) -> NDArray[np.int64]:
+    """Return the numbers (n_chains, n_draws) of the first draws of every chain, as many as the shortest one has.
 
     All chains record at the same steps, so that the first draws belong together and the longer ones ran on alone.
     """
@@ -45,31 +37,27 @@ def align_chains(run: RunData) -> Chains:
     by_step = np.argsort(run.step, kind="stable")
     rows = [by_step[run.chain[by_step] == number] for number in numbers]
     shortest = min(map(len, rows))
-    aligned = np.array([row[:shortest] for row in rows], dtype=np.int64)
-    return Chains(numbers, aligned, len(run.chain) - aligned.size)
+    return np.array([row[:shortest] for row in rows], dtype=np.int64)
 
 
-def netcdf_bytes(run: RunData) -> tuple[bytes, Chains]:
-    """Return a netCDF 4 file, and which draws it holds."""
+def netcdf_bytes(run: RunData) -> tuple[bytes, tuple[int, int]]:
+    """Return a netCDF 4 file, and how many chains and draws a chain it holds."""
     xarray, _, _ = (require(module, "netcdf", "--format netcdf") for module in ("xarray", ENGINE, "h5py"))
-    chains = align_chains(run)
+    rows = align_chains(run)
     provenance = _provenance(run)
-    coordinates = {"chain": chains.numbers, "draw": np.arange(chains.rows.shape[1])}
+    coordinates = {"chain": run.chain[rows[:, 0]], "draw": np.arange(rows.shape[1])}
     groups = {
-        None: xarray.Dataset(attrs={**provenance, **_attributes(run, chains)}),
-        "posterior": xarray.Dataset(
-            _posterior(run, chains.rows), {**coordinates, **_probe_coordinates(run)}, provenance
-        ),
-        "sample_stats": xarray.Dataset(
-            _sample_stats(run, chains.rows), coordinates, {**provenance, **_acceptance(run)}
-        ),
+        None: xarray.Dataset(attrs={**provenance, **_attributes(run, len(run.chain) - rows.size)}),
+        "posterior": xarray.Dataset(_posterior(run, rows), {**coordinates, **_probe_coordinates(run)}, provenance),
+        "sample_stats": xarray.Dataset(_sample_stats(run, rows), coordinates, {**provenance, **_acceptance(run)}),
     }
     # In memory: on a disk without room HDF5 crashes.
     stream = io.BytesIO()
     for name, group in groups.items():
         mode: Literal["a", "w"] = "a" if stream.getbuffer().nbytes else "w"
         group.to_netcdf(stream, mode=mode, group=name, engine=ENGINE)
-    return stream.getvalue(), chains
+    n_chains, n_draws = rows.shape
+    return stream.getvalue(), (n_chains, n_draws)
 
 
 def _posterior(run: RunData, rows: NDArray[np.int64]) -> dict[str, Any]:
@@ -105,11 +93,11 @@ def _provenance(run: RunData) -> dict[str, str]:
     }
 
 
-def _attributes(run: RunData, chains: Chains) -> dict[str, Any]:
+def _attributes(run: RunData, n_left_out: int) -> dict[str, Any]:
     """Return the attributes of the file: a nested value as JSON text, as netCDF has no other place for it."""
     kept = ("status", "seed", "steps", "burn_in", "seconds", "configuration", "inputs", "versions", "command")
     found = {key: _attribute(run.manifest[key]) for key in kept if run.manifest.get(key) is not None}
-    return {"schema": SCHEMA, "prf_version": _text(_version(run)), **found, "n_draws_left_out": chains.n_left_out}
+    return {"schema": SCHEMA, "prf_version": _text(_version(run)), **found, "n_draws_left_out": n_left_out}
 
 
 def _version(run: RunData) -> object:

@@ -1,4 +1,4 @@
-"""What an export starts from: a run, an occupancy grid, or one map in a file."""
+"""What an export starts from: a run with its trajectory, an occupancy grid, or one map in a file."""
 
 from __future__ import annotations
 
@@ -8,8 +8,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from prf.model.coloring import Coloring, from_polygons
 from prf.model.window import Window
+from prf.poses.posterior import Trajectory
 from prf.results import PosteriorImage, RunData, names, read_map_feature, read_run_data
 from prf.results.occupancy import OccupancyGrid, is_grid, read_grid
 from prf.results.score import read_occupied_area
@@ -133,3 +136,31 @@ def _log_posterior(run: RunData, number: int) -> float | None:
     if not {"log_prior", "log_likelihood"} <= run.functionals.keys():
         return None
     return float(run.functionals["log_prior"][number] + run.functionals["log_likelihood"][number])
+
+
+def trajectory_of(source: Source) -> Trajectory:
+    """Return the sampled poses of a run (InputError if it has none)."""
+    run = source.require_run("trajectory")
+    if run.trajectory is None:
+        raise InputError(
+            f"{source.path}: its poses were not sampled: they are those of the log. For a trajectory sample with "
+            "--pose-noise METRES RADIANS or --odometry KIND."
+        )
+    if not len(run.trajectory.draws):
+        raise InputError(f"{source.path}: no draws yet, so no trajectory. Resume with prf sample --resume.")
+    return run.trajectory
+
+
+def tum_text(source: Source, draw: int | None) -> str:
+    """Return the posterior means of the poses of a run, or those of one draw: timestamp tx ty tz qx qy qz qw.
+
+    evo and SLAM programs read this.
+
+    Numbers of scans are the times where the time of any pose is unknown.
+    """
+    found = trajectory_of(source)
+    poses = found.mean if draw is None else found.given + found.draws[draw_number(source.require_run("draws"), draw)]
+    time = found.time if np.isfinite(found.time).all() else found.scan.astype(np.float64)
+    flat, half = np.zeros(len(poses)), 0.5 * poses[:, 2]
+    rows = np.column_stack([time, poses[:, :2], flat, flat, flat, np.sin(half), np.cos(half)])
+    return "".join(" ".join(map(repr, row)) + "\n" for row in rows.tolist())

@@ -1,41 +1,32 @@
-"""`write_report`: one file of HTML that needs nothing else."""
+"""`write_report`: one file of HTML that needs nothing else, its words and its tables."""
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
 
 from prf.output.export.cells import cut_to_known
 from prf.output.export.source import Map
 from prf.output.report.embedded import Numbers, fitting, pack_image, pack_scene, step_of
-from prf.output.report.words import (
-    agreement_line,
-    functional_table,
-    headline,
-    origin_table,
-    settings_table,
-    title_of,
-    trajectory_line,
-)
+from prf.readings import log_stem
 from prf.results import RunData, map_text, names
+from prf.results.convergence import Diagnosis, time_words
 from prf.shell.cli.files import encoded, open_output
-from prf.shell.cli.page import escape, packed_json, page
+from prf.shell.cli.page import escape, packed_json, page, table
+from prf.shell.cli.pictures import counted, number, window_words
 from prf.shell.errors import InputError
 
 SCRIPTS = ("draws.js", "estimate.js", "map.js", "report.js")
 
 
-class Written(NamedTuple):
-    """Size of a report: bytes, draws in it, and those of the run."""
-
-    n_bytes: int
-    n_embedded: int
-    n_draws: int
-
-
-def write_report(path: str, run: RunData, title: str | None = None) -> Written:
+def write_report(path: str, run: RunData, title: str | None = None) -> tuple[int, int]:
     """Write the report on a run, whole or not at all; ``-`` is standard output.
 
     `title` instead of the names of the logs. InputError if the run has no draws, or no image yet.
+    Returns its size in bytes, and how many draws are in it.
     """
     if len(run.draws) == 0:
         raise InputError(f"{run.name}: no draws yet, so there is nothing to report. Resume with prf sample --resume.")
@@ -61,7 +52,7 @@ def write_report(path: str, run: RunData, title: str | None = None) -> Written:
     text = page("prf.output.report", "report", content, [("prf.output.report", script) for script in SCRIPTS])[0]
     with open_output(path) as stream:
         stream.write(text)
-    return Written(len(encoded(text)), len(kept.draws), len(run.draws))
+    return len(encoded(text)), len(kept.draws)
 
 
 def _data(run: RunData, draws: Numbers, cells: Numbers, scene: Numbers) -> dict[str, Any]:
@@ -89,3 +80,116 @@ def _share(n_embedded: int, n_draws: int) -> str:
     if n_embedded == n_draws:
         return f"all {n_draws:,} draws of the run, as prf query"
     return f"{n_embedded:,} of the {n_draws:,} draws, evenly thinned to keep the page small; prf query uses all"
+
+
+def title_of(run: RunData) -> str:
+    """Return what was mapped: the names of the logs, not that of their poses; else that of the run."""
+    stems: list[str] = []
+    poses = (run.manifest.get("configuration") or {}).get("poses")
+    for row in run.manifest.get("inputs") or ():
+        name = log_stem(str(row.get("path"))) if row.get("path") != poses else ""
+        stems += [name] if name not in ("", *stems) else []
+    return ", ".join(stems[:2]) or run.name
+
+
+def headline(run: RunData) -> str:
+    """Return what was mapped from what."""
+    parts = [
+        counted(run.laser.n_beams, "laser beam") if run.laser is not None else "",
+        counted(run.sonar.n_beams, "sonar reading") if run.sonar is not None else "",
+        counted(len(run.points.value), "point observation") if run.points is not None else "",
+    ]
+    readings = " and ".join(part for part in parts if part) or "no reading"
+    draws = f"{counted(len(run.draws), 'map')} drawn by {counted(run.n_chains, 'chain')}"
+    return f"{draws} from {readings}, over a window of {window_words(run.draws.window)}."
+
+
+def agreement_line(run: RunData) -> str:
+    """Return whether the chains agree, as markup; each place where they differ is a button."""
+    found, diagnosed = None if run.image is None else run.image.agreement(), run.diagnostics or {}
+    state = {True: "converged", False: "not converged", None: "agreement unknown"}[diagnosed.get("converged")]
+    tag = f'<span class="tag {state.split()[0]}">{state}</span> '
+    if found is None or math.isnan(found.seen):
+        return f"{tag}Where the chains agree is not known: that takes two of them."
+    line = f"{tag}The chains agree on {math.floor(100.0 * found.seen)} % of the seen ground"
+    if found.places:
+        last = len(found.places) - 1
+        places = [_place_button(place, "," if i < last else "") for i, place in enumerate(found.places)]
+        line += f", and differ most at {' '.join(places)}"
+    return f"{line}{_outlook(diagnosed)}."
+
+
+def _place_button(place: tuple[float, float, float, float], after: str) -> str:
+    at = f"{place[0]:.2f},{place[1]:.2f},{math.sqrt(place[2]):.2f}"
+    x, y = (number(round(value, 1) + 0.0, 1) for value in place[:2])  # never a negative zero
+    return f'<span class="keep"><button type="button" class="link" data-place="{at}">({x}, {y})</button>{after}</span>'
+
+
+def _outlook(diagnosed: Mapping[str, Any]) -> str:
+    if diagnosed.get("converged") is False and diagnosed.get("trend") == "flat":
+        return "; more time alone will not help"
+    seconds = diagnosed.get("suggested_seconds")
+    return f"; about {time_words(seconds)} more would bring agreement" if seconds else ""
+
+
+def trajectory_line(run: RunData) -> str:
+    """Return how far poses that were sampled are from the given ones, and how well they are known."""
+    if run.trajectory is None:
+        return ""
+    farthest = float(np.hypot(*run.trajectory.correction[:, :2].T).max())
+    length = f"{number(100.0 * farthest, 1)} cm" if farthest < 1.0 else f"{number(farthest, 2)} m"
+    return f"{run.trajectory.words()}; the farthest by {length}."
+
+
+def functional_table(run: RunData) -> str:
+    """Return R-hat and effective sample size of every functional, those that do not agree first."""
+    rows = (run.diagnostics or {}).get("functionals") or {}
+    found = {name: _diagnosis(row) for name, row in rows.items()}
+    order = sorted(found, key=lambda name: (found[name].agrees(), -found[name].shortfall()))
+    head = ("functional", "R-hat", "ESS", "ground", "")
+    return table(head, [("", (escape(name), *_cells(found[name]))) for name in order], "list")
+
+
+def _diagnosis(row: Mapping[str, Any]) -> Diagnosis:
+    rhat, ess = (math.nan if row.get(name) is None else float(row[name]) for name in ("rhat", "ess"))
+    return Diagnosis(rhat, ess, row.get("state", "short"), bool(row.get("seen", True)))
+
+
+def _cells(found: Diagnosis) -> tuple[str, ...]:
+    varies = found.state == "varies"
+    state = f'<span class="{"good" if found.agrees() else "bad"}">{"agrees" if found.agrees() else "disagrees"}</span>'
+    if not varies:
+        state += f" <small>{escape(found.describe())}</small>"
+    figures = (f"{found.rhat:.3f}", number(found.ess, 0)) if varies else ("–", "–")
+    return *figures, "seen" if found.seen else "not seen", state
+
+
+def origin_table(run: RunData) -> str:
+    """Return how the run was made: command, inputs, seed, steps, versions."""
+    made = run.manifest
+    rows = [
+        ("run", run.name),
+        ("created", made.get("created")),
+        ("command", " ".join(map(str, made.get("command") or ()))),
+        *(("input", f"{row.get('path')}, sha256 {row.get('sha256')}") for row in made.get("inputs") or ()),
+        ("status", made.get("status")),
+        ("steps a chain", f"{counted(made.get('steps') or 0, 'step')}, {made.get('burn_in') or 0:,} of them burn-in"),
+        ("sampling time", time_words(made["seconds"]) if made.get("seconds") else None),
+        ("seed", made.get("seed")),
+        ("versions", ", ".join(f"{name} {version}" for name, version in (made.get("versions") or {}).items())),
+    ]
+    return _plain(rows)
+
+
+def settings_table(run: RunData) -> str:
+    """Return the settings of the run, those that were given first."""
+    given: Mapping[str, Any] = run.manifest.get("sources") or {}
+    settings = run.manifest.get("configuration") or {}
+    order = sorted(settings, key=lambda name: (name not in given, name))
+    words = {name: f"{settings[name]}  ({given[name]})" if name in given else settings[name] for name in order}
+    return _plain(list(words.items()))
+
+
+def _plain(rows: list[tuple[str, Any]]) -> str:
+    shown = [(name, str(value)) for name, value in rows if value not in (None, "")]
+    return table(("", ""), [("", (escape(name), escape(value))) for name, value in shown], "plain")

@@ -12,8 +12,7 @@ from prf.model.coloring import black_at
 from prf.model.layout import image_grid, pixel_centres
 from prf.model.window import Window
 from prf.output.export import Options, export_source
-from prf.output.export.cells import Cells, cells_of
-from prf.output.export.ros_map import pgm_bytes, ros_map
+from prf.output.export.cells import Raster, cells_of, pgm_bytes, ros_map
 from prf.output.export.source import read_source
 from prf.output.run import read_run
 from prf.results import write_run
@@ -33,28 +32,28 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def ramp() -> Cells:
+def ramp() -> Raster:
     """Return every probability from 0 to 1, rows of different content, and cells of which nothing is known."""
     probability = np.linspace(0.0, 1.0, 1001)[:1000].reshape(10, 100).astype(np.float32)
     probability[3, 7] = probability[9, 0] = np.nan
     probability[0, 99] = 1.0
-    return Cells(probability, np.array([-12.25, 1e-5]), 0.05)
+    return Raster(probability, np.array([-12.25, 1e-5]), 0.05)
 
 
-def serve(cells: Cells, folder: Path, unknown: tuple[float, float] | None = None):
+def serve(cells: Raster, folder: Path, unknown: tuple[float, float] | None = None):
     made = ros_map(cells, unknown, "map.pgm")
-    (folder / "map.pgm").write_bytes(made.image)
-    (folder / "map.yaml").write_text(made.yaml)
+    (folder / "map.pgm").write_bytes(made[1])
+    (folder / "map.yaml").write_text(made[0])
     return map_server.load(folder / "map.yaml"), made
 
 
-def test_round_trip(ramp: Cells, tmp_path: Path) -> None:
+def test_round_trip(ramp: Raster, tmp_path: Path) -> None:
     served, made = serve(ramp, tmp_path)
     p = ramp.probability.astype(float)
     expected = np.where(p > 0.65, 100, np.where(p < 0.196, 0, -1))
     np.testing.assert_array_equal(served.data, expected)
     assert set(np.unique(expected)) == {-1, 0, 100}
-    assert made.counts == {
+    assert made[2] == {
         "n_free": (expected == 0).sum(),
         "n_occupied": (expected == 100).sum(),
         "n_unknown": (expected == -1).sum(),
@@ -62,20 +61,20 @@ def test_round_trip(ramp: Cells, tmp_path: Path) -> None:
     assert (served.resolution, served.origin) == (0.05, [-12.25, 0.00001, 0.0])
 
 
-def test_thresholds_and_pixels_are_those_that_keep_unknown_cells_unknown(ramp: Cells, tmp_path: Path) -> None:
+def test_thresholds_and_pixels_are_those_that_keep_unknown_cells_unknown(ramp: Raster, tmp_path: Path) -> None:
     served, made = serve(ramp, tmp_path)
     content = map_server.read_yaml(tmp_path / "map.yaml")
     assert (content["free_thresh"], content["occupied_thresh"], content["negate"]) == ("0.196", "0.65", "0")
     assert set(np.unique(map_server.read_pgm(tmp_path / "map.pgm"))) == {0, 205, 254}
     # The threshold that others write turns every unknown cell into free space: the reader sees it.
-    (tmp_path / "map.yaml").write_text(made.yaml.replace("0.196", "0.25"))
+    (tmp_path / "map.yaml").write_text(made[0].replace("0.196", "0.25"))
     mistaken = map_server.load(tmp_path / "map.yaml")
     assert (served.data == -1).any()
     assert not (mistaken.data == -1).any()
 
 
 @pytest.mark.parametrize("band", [(0.5, 0.5), (0.0, 0.25), (0.05, 0.95), (0.0, 1.0)])
-def test_the_unknown_band_is_the_users(ramp: Cells, tmp_path: Path, band: tuple[float, float]) -> None:
+def test_the_unknown_band_is_the_users(ramp: Raster, tmp_path: Path, band: tuple[float, float]) -> None:
     served, _ = serve(ramp, tmp_path, band)
     p = ramp.probability.astype(float)
     np.testing.assert_array_equal(served.data, np.where(p > band[1], 100, np.where(p < band[0], 0, -1)))
@@ -97,8 +96,8 @@ def test_a_run_from_its_directory_to_the_server(folder: Path, tmp_path: Path, sq
     np.testing.assert_array_equal(served.data, np.where(p > 0.65, 100, np.where(p < 0.196, 0, -1)))
     assert (served.resolution, served.origin) == (image.resolution, [*image.origin.tolist(), 0.0])
     assert np.isnan(p[-1]).all(), "the window ends before the last row's centres"
-    assert [Path(file.path).name for file in done.files] == ["office.yaml", "office.pgm"]
-    assert [file.bytes for file in done.files] == [Path(file.path).stat().st_size for file in done.files]
+    assert [Path(file["path"]).name for file in done.files] == ["office.yaml", "office.pgm"]
+    assert [file["bytes"] for file in done.files] == [Path(file["path"]).stat().st_size for file in done.files]
 
 
 def test_one_map_has_its_colours_at_the_places_of_the_server(folder: Path, tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from prf.model.coloring import Draws
 from prf.model.window import Window
 from prf.output.report import embedded, write_report
 from prf.output.report.embedded import fitting, pack_draws, pack_scene, step_of, thinned
-from prf.output.report.words import title_of
+from prf.output.report.page import title_of
 from prf.output.run import Run
 from prf.shell.errors import InputError
 from tests.factories import make_run, make_trajectory
