@@ -82,7 +82,7 @@ def decide(spans: Mapping[str, Span]) -> Known:
     scan, time = spans.get(SCAN, Span()), spans.get(TIME, Span())
     if _are_numbers(scan, least=1):
         moment = SCAN
-    # Below a moment in all, the field is not a clock of the drive, but such as the time within one turn of the laser.
+    # Below a moment in all, the field is not a clock of the drive: it may be the time within one turn of the laser.
     elif time.is_known and MOMENT < time.high - time.low < MOST_MOMENTS * MOMENT:
         moment, start = TIME, time.low
     elif _are_numbers(spans.get(PASS, Span()), least=2):

@@ -31,7 +31,7 @@ FARTHEST = 3.0
 BEYOND = 0.15
 """Metres by which they may lie farther off than scans disagree, where that is known: noise of three sigma."""
 LEAST = 0.05
-"""Metres: by less it parts no surface that anybody would call doubled."""
+"""Metres: a smaller offset does not make a surface doubled."""
 CLEARLY = np.sqrt(2.0)
 """Factor by which visits must disagree more than scans of one visit, whose errors separate visits a little too."""
 MOST_POINTS = 20_000
@@ -42,7 +42,7 @@ Ints = NDArray[np.int64]
 
 
 class Spread(NamedTuple):
-    """How points of a surface part, in metres."""
+    """How far points of a surface are apart, in metres."""
 
     visits: float  # root mean square difference between visits; nan where there is one only
     scans: float  # between scans of one visit, likewise
@@ -148,7 +148,7 @@ def _gap(visits: Visits, before: int, after: int) -> dict[str, float]:
 
 
 def measure_spread(patches: Patches, patch: int, copies: list[int], visits: Visits, reach: float) -> Spread:
-    """Return how the points of a patch and of its copies, up to `reach` metres off, part by visits and by scans."""
+    """Return how the points of a patch and of its copies, up to `reach` metres off, are apart by visits and by scans."""
     points, start = patches.members
     own = points[start[patch] : start[patch + 1]]
     rows = np.concatenate([own, *(points[start[other] : start[other + 1]] for other in copies)])

@@ -35,7 +35,7 @@ AGREE = 0.05
 """Metres up to which scans are reported to agree."""
 
 PARALLEL_DEG = 5.0
-"""Planes that part by less are called parallel: so much two passes over one wall are turned against each other."""
+"""Planes at a smaller angle are called parallel: two passes over one wall may be turned by as much."""
 TOUCHING = 0.05
 """Overlap or crossing below which two patches neither lie over one another nor cross: chance makes as much."""
 

@@ -142,7 +142,7 @@ def stays_of(cloud: PointCloud, clock: Clock) -> tuple[Stays, Ints]:
 
 
 def join_stays(parts: list[Stays]) -> Stays:
-    """Return where the sensor was, by means over the parts of a map: medians cannot be put together from those."""
+    """Return where the sensor was, by means over the parts of a map: medians cannot be combined from those."""
     value, moment = np.unique(np.concatenate([part.value for part in parts]), return_inverse=True)
     weight = np.concatenate([part.n_points for part in parts])
     n_points = np.bincount(moment, weight, len(value))
