@@ -148,7 +148,7 @@ def _gap(visits: Visits, before: int, after: int) -> dict[str, float]:
 
 
 def measure_spread(patches: Patches, patch: int, copies: list[int], visits: Visits, reach: float) -> Spread:
-    """Return how the points of a patch and of its copies, up to `reach` metres off, are apart by visits and by scans."""
+    """Return how the points of a patch and of its copies, up to `reach` metres off, are apart, by visits and scans."""
     points, start = patches.members
     own = points[start[patch] : start[patch + 1]]
     rows = np.concatenate([own, *(points[start[other] : start[other + 1]] for other in copies)])
