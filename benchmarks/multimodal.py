@@ -29,6 +29,7 @@ import shapely
 from numpy.typing import NDArray
 
 from benchmarks import panels
+from prf.configuration import LaserPhysics
 from prf.model.coloring import Draws, black_at_draws
 from prf.model.layout import image_grid, pixel_centres
 from prf.model.sensors import LaserModel
@@ -43,7 +44,7 @@ from prf.sampler.posterior import LaserData, Settings
 from prf.sampler.tempering import LadderPlan
 from prf.shell.cli import pictures as style
 from prf.shell.cli.provenance import spawn_generators
-from prf.simulate.sensors import LaserPhysics, cast, measure
+from prf.simulate.sensors import bearings_of, cast, measure
 from prf.simulate.world import World
 
 Floats = NDArray[np.float64]
@@ -94,7 +95,7 @@ def both_passes() -> LaserData:
     """Return the readings of the pass on the left and their mirror images; a range of 0 where the glass is met."""
     distance = cast(corridor(False, True).walls, PLACES, SCANNER)
     reading = measure(distance, SCANNER, np.random.default_rng(NOISE_SEED)).ravel()
-    angle = (PLACES[:, 2:] + SCANNER.bearings).ravel()
+    angle = (PLACES[:, 2:] + bearings_of(SCANNER)).ravel()
     origin = np.repeat(PLACES[:, :2], SCANNER.beams, axis=0)
     impact = origin + distance.reshape(-1, 1) * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     reading[(np.abs(impact[:, 0]) < FACE - 1e-6) & (np.abs(impact[:, 1]) > HALF_WIDTH - 1e-6)] = 0.0

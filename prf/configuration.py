@@ -9,7 +9,7 @@ from typing import Any, ClassVar, Literal, Self
 
 from pydantic import field_validator
 
-from prf.model.domain import LARGEST_RANGE, LENGTH, window_fault
+from prf.model.domain import FACTOR, LARGEST_RANGE, LENGTH, window_fault
 from prf.model.sensors import LaserModel, PointModel, SonarModel
 from prf.shell.cli.settings import Loaded, SettingError, Table, Tree, build, key, places_of
 from prf.shell.errors import ArgumentError
@@ -223,19 +223,38 @@ class Cooling(Table):
             raise SettingError("the shares of warm and polish must sum to less than 1", "warm", "polish")
 
 
-class SimulationOptions(Table):
+class LaserPhysics(Table):
+    """A simulated laser; what it reads follows the density that `prf sample` assumes."""
+
+    beams: int = key(180, "", "of a scan of the laser", ge=2, le=100_000)
+    # Half a circle is laid out as CARMEN does; a full one leaves out its last beam, which would be the first; others
+    # have a beam at both ends.
+    field_of_view: float = key(math.pi, "rad", "of the laser, symmetric to ahead", gt=0.0, le=2.0 * math.pi + 1e-9)
+    max_range: float = key(30.0, "m", "of the laser", **LENGTH)
+    noise: float = key(0.03, "m", "standard deviation of a range of the laser", ge=0.0, le=FACTOR["le"])
+    noise_relative: float = key(0.01, "", "the same as a share of the distance", ge=0.0, le=FACTOR["le"])
+    # The window that `prf sample` takes by default leaves 0.5 % of the returns outside: more outliers than that beyond
+    # the walls widen it.
+    outlier_probability: float = key(0.003, "", "share of outliers of the laser", ge=0.0, le=1.0)
+    miss_probability: float = key(0.02, "", "share of the laser's beams without return from a wall", ge=0.0, le=1.0)
+
+    def check(self) -> None:
+        """Refuse shares of more than all readings."""
+        if self.outlier_probability + self.miss_probability > 1.0:
+            names = ("outlier_probability", "miss_probability")
+            raise SettingError("outlier and miss probability must sum to at most 1", *names)
+
+
+class SimulationOptions(LaserPhysics):
     """Robot, laser and sonar of a simulation (docs/simulation.md), by simulate."""
 
-    robot_radius: float = key(0.25, "m", "distance kept from walls")
-    spacing: float | None = key(None, "m", "driven from scan to scan; 0.5, or for --readings in one drive")
-    beams: int = key(180, "", "of a scan of the laser")
-    field_of_view: float = key(math.pi, "rad", "of the laser, symmetric to ahead")
-    max_range: float = key(30.0, "m", "of the laser")
-    noise: float = key(0.03, "m", "standard deviation of a range of the laser")
-    noise_relative: float = key(0.01, "", "the same as a share of the distance")
-    outlier_probability: float = key(0.003, "", "share of outliers of the laser")
-    miss_probability: float = key(0.02, "", "share of the laser's beams without return from a wall")
-    sonar_max_range: float = key(8.0, "m", "of the sonar")
+    robot_radius: float = key(0.25, "m", "distance kept from walls", **LENGTH)
+    spacing: float | None = key(None, "m", "driven from scan to scan; 0.5, or for --readings in one drive", **LENGTH)
+    sonar_max_range: float = key(8.0, "m", "of the sonar", **LENGTH)
+
+    def laser(self) -> LaserPhysics:
+        """Return the laser alone."""
+        return LaserPhysics(**self.model_dump(include=set(LaserPhysics.model_fields)))
 
 
 PREFIXES: Mapping[str, str] = {"sonar": "sonar_", "points": "points_", "driven": "driven_"}

@@ -6,8 +6,6 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from prf.shell.errors import ConfigError
-
 LARGEST_COORDINATE = 1e8
 """Metres. Beyond any projected map (1e7), and small enough that millimetres survive in double precision."""
 LARGEST_RANGE = 1e6
@@ -19,20 +17,6 @@ MIN_PROBABILITY = 1e-100
 LENGTH: dict[str, Any] = {"ge": MIN_LENGTH, "le": LARGEST_RANGE}
 FACTOR: dict[str, Any] = {"ge": -MAX_FACTOR, "le": MAX_FACTOR}
 """Constraints of such fields of a table."""
-
-
-def check_length(name: str, value: float) -> None:
-    """Raise ConfigError unless parameter `name` is a length that a sensor may have."""
-    if not MIN_LENGTH <= value <= LARGEST_RANGE:
-        raise ConfigError(
-            f"{name} {value}: must be a positive number of metres, from {MIN_LENGTH:g} to {LARGEST_RANGE:g}"
-        )
-
-
-def check_factor(name: str, value: float, least: float = -MAX_FACTOR) -> None:
-    """Raise ConfigError if parameter `name` is not within `least` and `MAX_FACTOR`."""
-    if not least <= value <= MAX_FACTOR:
-        raise ConfigError(f"{name} {value}: must be a number from {least:g} to {MAX_FACTOR:g}")
 
 
 def window_fault(bounds: Sequence[float]) -> str:

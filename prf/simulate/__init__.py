@@ -3,13 +3,12 @@
 from prf.simulate.floorplan import office
 from prf.simulate.path import Scans, plan_drive, scans_along
 from prf.simulate.roadmap import Roadmap, roadmap
-from prf.simulate.sensors import LaserPhysics, simulate_laser
+from prf.simulate.sensors import simulate_laser
 from prf.simulate.simulation import SimulateConfig, Simulation, config_of, refuse_absent_sensor, simulate
 from prf.simulate.world import World, draw_world, read_world
 from prf.simulate.write import summary, write_simulation
 
 __all__ = [
-    "LaserPhysics",
     "Roadmap",
     "Scans",
     "SimulateConfig",

@@ -18,67 +18,31 @@ from collections.abc import Callable
 import numpy as np
 from scipy.special import j1
 
-from prf.model.domain import check_factor, check_length
+from prf.configuration import LaserPhysics, SimulationOptions
 from prf.readings.robot import PIONEER, QUARTER_DEGREES, half_circle, mounted
-from prf.shell.errors import ConfigError
 from prf.simulate.world import Floats
 
 REL_TOL = 1e-9
 """Share of the step between beams by which intervals are widened, so that no beam slips between neighbouring walls."""
-MAX_BEAMS = 100_000  # of a scan; no scanner in a plane has a tenth of that
 BLOCK = 64  # scans between two reports of progress
 
 
-@dataclasses.dataclass(frozen=True)
-class LaserPhysics:
-    """A scanner: geometry, noise and failures. What it reads follows the density that `prf sample` assumes."""
+def is_half_circle(physics: LaserPhysics) -> bool:
+    """Return whether the field of view is what a FLASER line of CARMEN of so many beams has."""
+    return abs(physics.field_of_view - math.pi) < REL_TOL and physics.beams not in QUARTER_DEGREES
 
-    beams: int = 180  # a scan; spread over `field_of_view`
-    # radians, symmetric to the heading. Half a circle is laid out as CARMEN does (:func:`half_circle`); a full one
-    # leaves out its last beam, which would be the first; others have a beam at both ends
-    field_of_view: float = math.pi
-    max_range: float = 30.0  # metres; what is farther returns nothing
-    # noise, noise_relative: standard deviation in metres and as a share of the distance; the larger counts
-    noise: float = 0.03
-    noise_relative: float = 0.01
-    # share of readings that are uniform between 0 and `max_range`. The window that `prf sample` takes by default leaves
-    # 0.5 % of the returns outside: more outliers than that beyond the walls widen it
-    outlier_probability: float = 0.003
-    miss_probability: float = 0.02  # share of readings without return although a wall is in reach
 
-    def __post_init__(self) -> None:
-        """Refuse parameters that no scanner has."""
-        if not 2 <= self.beams <= MAX_BEAMS:
-            raise ConfigError(f"beams {self.beams}: a scan has at least 2, and at most {MAX_BEAMS:,}")
-        if not 0.0 < self.field_of_view <= 2.0 * math.pi + REL_TOL:
-            raise ConfigError(f"field-of-view {self.field_of_view}: must lie above 0 and be at most 2 pi, in radians")
-        check_length("max-range", self.max_range)
-        for name in ("noise", "noise_relative"):
-            check_factor(name.replace("_", "-"), getattr(self, name), 0.0)
-        for name in ("outlier_probability", "miss_probability"):
-            value = getattr(self, name)
-            if not 0.0 <= value <= 1.0:
-                raise ConfigError(f"{name.replace('_', '-')} {value}: must lie in [0, 1]")
-        if self.outlier_probability + self.miss_probability > 1.0:
-            raise ConfigError("outlier-probability + miss-probability: their sum must not exceed 1")
+def step_of(physics: LaserPhysics) -> float:
+    """Return the angle from beam to beam, radians."""
+    if is_half_circle(physics):
+        return float(np.diff(half_circle(physics.beams)[:2])[0])
+    is_round = physics.field_of_view > 2.0 * math.pi - REL_TOL
+    return physics.field_of_view / (physics.beams if is_round else physics.beams - 1)
 
-    @property
-    def is_half_circle(self) -> bool:
-        """Whether the field of view is what a FLASER line of CARMEN of so many beams has."""
-        return abs(self.field_of_view - math.pi) < REL_TOL and self.beams not in QUARTER_DEGREES
 
-    @property
-    def step(self) -> float:
-        """Radians from beam to beam."""
-        if self.is_half_circle:
-            return float(np.diff(half_circle(self.beams)[:2])[0])
-        is_round = self.field_of_view > 2.0 * math.pi - REL_TOL
-        return self.field_of_view / (self.beams if is_round else self.beams - 1)
-
-    @property
-    def bearings(self) -> Floats:
-        """Directions of the beams (n,), radians from the heading, counter-clockwise from the right."""
-        return np.asarray(-0.5 * self.field_of_view + self.step * np.arange(self.beams), dtype=np.float64)
+def bearings_of(physics: LaserPhysics) -> Floats:
+    """Return the directions of the beams (n,), radians from the heading, counter-clockwise from the right."""
+    return np.asarray(-0.5 * physics.field_of_view + step_of(physics) * np.arange(physics.beams), dtype=np.float64)
 
 
 def simulate_laser(
@@ -136,8 +100,8 @@ def _sweep(walls: Floats, pose: Floats, physics: LaserPhysics, distance: Floats)
     area = first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]
     faces = np.flatnonzero(area > 0.0)
     first, second, area = first[faces], second[faces], area[faces]
-    step = physics.step
-    begin = np.arctan2(first[:, 1], first[:, 0]) - (pose[2] + physics.bearings[0])
+    step, bearings = step_of(physics), bearings_of(physics)
+    begin = np.arctan2(first[:, 1], first[:, 0]) - (pose[2] + bearings[0])
     begin = np.mod(begin, 2.0 * np.pi) / step
     width = np.arctan2(area, (first * second).sum(axis=1)) / step
     turn = 2.0 * np.pi / step
@@ -148,7 +112,7 @@ def _sweep(walls: Floats, pose: Floats, physics: LaserPhysics, distance: Floats)
     count = np.maximum(high - low + 1, 0)
     at = np.repeat(np.tile(np.arange(len(faces)), 2), count)
     beam = np.repeat(low - np.cumsum(count) + count, count) + np.arange(len(at))
-    angle = pose[2] + physics.bearings[beam]
+    angle = pose[2] + bearings[beam]
     along = second[at] - first[at]
     slope = np.cos(angle) * along[:, 1] - np.sin(angle) * along[:, 0]
     with np.errstate(divide="ignore"):
@@ -172,7 +136,7 @@ class SonarPhysics:
     The receiver's gain grows with time and makes up for the distance, so walls and corners are equally loud everywhere.
     """
 
-    max_range: float = 8.0  # metres; farther echoes are not heard
+    max_range: float = SimulationOptions().sonar_max_range  # metres; farther echoes are not heard
     # frequency, aperture: hertz; radius of the transducer in metres: together they make the beam. Defaults of a
     # Polaroid transducer
     frequency: float = 49.4e3
@@ -189,10 +153,6 @@ class SonarPhysics:
     # hear nothing
     outlier_probability: float = 0.002
     miss_probability: float = 0.005
-
-    def __post_init__(self) -> None:
-        """Refuse a maximum range that no sonar has."""
-        check_length("sonar-max-range", self.max_range)
 
 
 def reflectors_of(walls: Floats) -> tuple[Floats, Floats]:

@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from prf.configuration import SimulationOptions
-from prf.model.domain import check_length
+from prf.configuration import LaserPhysics, SimulationOptions
 from prf.model.window import Window
 from prf.readings.robot import PIONEER, mounted
 from prf.shell.cli.provenance import spawn_generators
@@ -17,13 +16,13 @@ from prf.shell.errors import ConfigError, InputError, UsageError
 from prf.simulate.floorplan import office
 from prf.simulate.path import SPACING, PathFile, Scans, given_scans, plan_drive, read_path, scans_along
 from prf.simulate.roadmap import roadmap
-from prf.simulate.sensors import LaserPhysics, SonarPhysics, simulate_laser, simulate_sonar
+from prf.simulate.sensors import SonarPhysics, simulate_laser, simulate_sonar
 from prf.simulate.world import Floats, World, draw_world, read_world
 
 OFFICE, ARAK = "office", "arak"
 WORLDS_OF = {"size": (OFFICE, ARAK), "scale": (ARAK,)}
 """Options that matter in some worlds only."""
-LASER = tuple(field.name for field in dataclasses.fields(LaserPhysics))
+LASER = tuple(LaserPhysics.model_fields)
 SIZE = (60.0, 40.0)
 MIN_ROOM = 0.2
 """Share of the window in which the centre of the robot must be able to be, for a draw from the prior to be used."""
@@ -40,7 +39,7 @@ class SimulateConfig:
     size: tuple[float, float] = SIZE  # width and height of an office or of the window of a draw
     scale: float = 0.1  # p of a draw, 1/m
     path: str | None = None  # a file with waypoints or poses; default a drive that is planned
-    robot_radius: float = 0.25
+    robot_radius: float = SimulationOptions().robot_radius
     spacing: float | None = None  # metres from scan to scan, and radians where the robot turns; default 0.5
     # about how many readings instead, of the sonar if there is one, else of the laser, spread over the drive
     readings: int | None = None
@@ -52,9 +51,6 @@ class SimulateConfig:
 
     def __post_init__(self) -> None:
         """Refuse what cannot be simulated."""
-        for name in ("robot_radius", "spacing"):
-            if getattr(self, name) is not None:
-                check_length(f"simulate.{name}", getattr(self, name))
         if self.readings is not None and not 1 <= self.readings <= MAX_READINGS:
             raise ConfigError(f"readings {self.readings}: must be at least 1, and at most {MAX_READINGS:,}")
         if self.readings is not None and self.spacing is not None:
@@ -87,7 +83,7 @@ def config_of(settings: SimulationOptions, world: str, laser: bool, sonar: bool,
         world=world,
         robot_radius=settings.robot_radius,
         spacing=settings.spacing,
-        laser=LaserPhysics(**{name: getattr(settings, name) for name in LASER}) if laser else None,
+        laser=settings.laser() if laser else None,
         sonar=SonarPhysics(max_range=settings.sonar_max_range) if sonar else None,
         **given,
     )

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import shapely
 
+from prf.configuration import LaserPhysics
 from prf.model.sensors import CONE
 from prf.output.pictures.posterior import fill_map
 from prf.readings.describe import MAX_RANGE_SHARE
@@ -26,7 +27,7 @@ from prf.shell.cli.pictures import Target
 from prf.shell.cli.provenance import describe_input, versions
 from prf.shell.cli.storage import dump_object
 from prf.simulate.path import DIGITS, Scans, rms_errors
-from prf.simulate.sensors import LaserPhysics
+from prf.simulate.sensors import bearings_of, is_half_circle, step_of
 from prf.simulate.simulation import ARAK, OFFICE, Simulation
 from prf.simulate.world import Floats
 
@@ -114,7 +115,9 @@ def _manifest(place: Path, simulation: Simulation, inputs: list[dict[str, Any]],
     """Return all that the simulation follows from, and nothing that differs from one day to the next."""
     made = {name: group.where(place / name) for name in FILES if name != MANIFEST}
     written = {name: describe_input(path) for name, path in made.items() if path is not None}
-    configuration = dataclasses.asdict(simulation.config).items()
+    config = simulation.config
+    laser = None if config.laser is None else config.laser.model_dump()
+    configuration = (dataclasses.asdict(config) | {"laser": laser}).items()
     return {
         **summary(simulation),
         "configuration": {name: value for name, value in configuration if name not in NEW or value is not None},
@@ -145,7 +148,7 @@ def carmen_lines(scans: Scans, readings: Floats, physics: LaserPhysics, poses: s
     millimetres; inf: no return.
     """
     silent = no_return_number(physics.max_range)
-    kind = "FLASER" if physics.is_half_circle else "ROBOTLASER1"
+    kind = "FLASER" if is_half_circle(physics) else "ROBOTLASER1"
     yield f"# A simulated drive, made by prf simulate: poses {poses}, and the laser's"
     yield f"# message formats defined: {kind}"
     yield f"# no return: {silent:g}; dropped: 0"
@@ -153,10 +156,10 @@ def carmen_lines(scans: Scans, readings: Floats, physics: LaserPhysics, poses: s
         ranges = " ".join(_shown(np.where(np.isinf(row), silent, np.maximum(row, MIN_RANGE))))
         at = " ".join(f"{value:.{DIGITS}f}" for value in pose.tolist())
         stamp = f"{time:.3f} {HOST} {time:.3f}"
-        if physics.is_half_circle:
+        if is_half_circle(physics):
             yield f"FLASER {len(row)} {ranges} {at} {at} {stamp}"
             continue
-        begin, step = float(physics.bearings[0]), physics.step
+        begin, step = float(bearings_of(physics)[0]), step_of(physics)
         scanner = f"0 {begin!r} {physics.field_of_view!r} {step!r} {silent:g} {physics.noise:g} 0"
         yield f"ROBOTLASER1 {scanner} {len(row)} {ranges} 0 {at} {at} 0 0 0 0 0 {stamp}"
 

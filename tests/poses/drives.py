@@ -7,11 +7,11 @@ import itertools
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-from prf.configuration import ODOMETRY
+from prf.configuration import ODOMETRY, LaserPhysics
 from prf.poses.model import pose_model
 from prf.poses.plane import compose
 from prf.readings import LogNotes, Readings, ScanTable
-from prf.simulate.sensors import LaserPhysics, simulate_laser
+from prf.simulate.sensors import bearings_of, simulate_laser
 
 
 def box(x0, y0, x1, y1):
@@ -57,7 +57,9 @@ def readings_at(walls, truth, given, seed=0, n_beams=90):
     physics = LaserPhysics(beams=n_beams, max_range=12.0)
     ranges = simulate_laser(np.asarray(walls, float), truth, physics, np.random.default_rng(seed))
     n = np.arange(len(truth))
-    beams = np.stack([np.zeros_like(ranges), np.zeros_like(ranges), np.tile(physics.bearings, (len(n), 1))], axis=-1)
+    beams = np.stack(
+        [np.zeros_like(ranges), np.zeros_like(ranges), np.tile(bearings_of(physics), (len(n), 1))], axis=-1
+    )
     world = compose(given[:, None], beams).reshape(-1, 3)
     table = ScanTable(n, n + 1, np.full(len(n), n_beams), np.zeros(len(n), int), given, n.astype(float))
     readings = Readings.from_arrays(

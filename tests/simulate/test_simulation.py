@@ -9,10 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from prf.configuration import LaserPhysics, SimulationOptions
 from prf.readings import read_readings
 from prf.results import read_map_feature
-from prf.shell.errors import ConfigError, InputError
-from prf.simulate import LaserPhysics, SimulateConfig, simulate, summary, write_simulation
+from prf.shell.errors import ArgumentError, ConfigError, InputError
+from prf.simulate import SimulateConfig, simulate, summary, write_simulation
 from prf.simulate.sensors import SonarPhysics
 from prf.simulate.simulation import MIN_ROOM
 from prf.simulate.write import FILES
@@ -137,10 +138,8 @@ def test_an_empty_world_and_a_small_one(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"spacing": 0.0}, "spacing"),
         ({"spacing": 0.5}, "not both"),
         ({"readings": 10**20}, "readings"),
-        ({"robot_radius": -1.0}, "simulate.robot_radius"),
         ({"readings": 0}, "readings"),
         ({"laser": None}, "no sensor"),
         ({"sonar": SonarPhysics(), "robot_radius": 0.2}, "the sonar ring needs 0.211 m"),
@@ -149,3 +148,9 @@ def test_an_empty_world_and_a_small_one(tmp_path: Path) -> None:
 def test_what_cannot_be_simulated_is_refused(changes: dict[str, object], message: str) -> None:
     with pytest.raises(ConfigError, match=message):
         dataclasses.replace(SMALL, **changes)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("name", ["robot_radius", "spacing", "sonar_max_range"])
+def test_lengths_of_a_simulation_are_above_0(name: str) -> None:
+    with pytest.raises(ArgumentError, match=rf"^{name} = 0\.0: must be at least"):
+        SimulationOptions(**{name: 0.0})

@@ -11,7 +11,6 @@ import pytest
 import shapely
 from numpy.typing import NDArray
 
-from prf.shell.errors import ConfigError
 from prf.simulate.sensors import SonarPhysics, directivity_db, simulate_sonar
 from tests.readings.sonar_sets import ARENA_POSITIONS, CORRIDOR_BEARINGS, arena_readings, corridor8_readings
 
@@ -83,11 +82,6 @@ def test_noise_outliers_and_misses_have_their_shares() -> None:
 def test_an_empty_world_and_a_far_wall_return_nothing() -> None:
     assert heard(np.empty((0, 4)), 0.0) == math.inf
     assert heard(ROOM, 0.0, dataclasses.replace(QUIET, max_range=3.9)) == math.inf
-
-
-def test_a_maximum_range_that_no_sonar_has_is_refused() -> None:
-    with pytest.raises(ConfigError, match="sonar-max-range"):
-        SonarPhysics(max_range=0.0)
 
 
 # The simulated sonar beside real readings: an arena with known walls, and two corridors drawn after their echoes.

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from prf.configuration import ODOMETRY
+from prf.configuration import ODOMETRY, LaserPhysics
 from prf.model.sensors import CONE
 from prf.poses.model import PosePrior, step_spread
 from prf.poses.plane import seen_from, wrapped
@@ -21,9 +21,9 @@ from prf.readings.robot import PIONEER, mounted
 from prf.readings.table import read_table
 from prf.shell.errors import ConfigError
 from prf.shell.poses.files import read_pose_file
-from prf.simulate import LaserPhysics, Scans, SimulateConfig, scans_along, simulate, write_simulation
+from prf.simulate import Scans, SimulateConfig, scans_along, simulate, write_simulation
 from prf.simulate.path import given_scans, rms_errors
-from prf.simulate.sensors import SonarPhysics
+from prf.simulate.sensors import SonarPhysics, bearings_of
 from prf.simulate.write import carmen_lines, no_return_number, path_lines, pose_lines, sonar_lines, tum_lines
 
 RNG = np.random.default_rng(1)
@@ -60,7 +60,7 @@ def test_carmen_logs_are_read_back(physics: LaserPhysics) -> None:
     assert readings.notes.n_zero_ranges == 0
     np.testing.assert_array_equal(readings.notes.scans.pose, SCANS.pose)
     np.testing.assert_allclose(readings.time, np.repeat(SCANS.time, physics.beams))
-    np.testing.assert_allclose(readings.angle, (SCANS.pose[:, 2:] + physics.bearings).ravel(), atol=1e-12)
+    np.testing.assert_allclose(readings.angle, (SCANS.pose[:, 2:] + bearings_of(physics)).ravel(), atol=1e-12)
     max_range = default_max_range(readings)
     assert max_range == pytest.approx(physics.max_range, rel=2e-3)
     assert max_range >= physics.max_range
