@@ -82,10 +82,7 @@ class Table(BaseModel):
 
     @model_validator(mode="after")
     def _checked(self) -> Self:
-        try:
-            self.check()
-        except (ConfigError, UsageError) as error:
-            raise ValueError(str(error)) from None
+        self.check()
         return self
 
 
@@ -319,8 +316,6 @@ def _message(tree: type[Tree], error: ErrorDetails, sources: Mapping[str, str]) 
     table, rest = str(error["loc"][0]), error["loc"][1:]
     if table not in tree.tables():
         return f"{sources[table]}: unknown table [{table}]. {_instead(table, tree.tables())}"
-    if not rest and not isinstance(error.get("ctx", {}).get("error"), SettingError):
-        return _of_table(table, str(error["msg"]).removeprefix("Value error, "), sources)
     given = {place.partition(".")[2]: each for place, each in sources.items() if place.startswith(f"{table}.")}
     return _refusal(tree.tables()[table], error, rest, given, f"[{table}] ")
 
@@ -336,8 +331,6 @@ def _refusal(
     if isinstance(cause, SettingError):
         name = next((key for key in cause.keys if key in given), cause.keys[0])
         return f"{given.get(name, home + name)}: {cause}."
-    if not loc:
-        return f"{home.rstrip()}: {error['msg']}.".lstrip(": ")
     name = str(loc[0])
     place = given.get(name, home + name)
     if error["type"] == "extra_forbidden":
@@ -348,19 +341,6 @@ def _refusal(
         unit = note_of(table, name, "unit")
         words = BOUND_WORDS[error["type"]].format(**error["ctx"]) + (f", in {unit}" if unit else "")
     return f"{place} = {toml_of(error['input'])}: {words}."
-
-
-def _of_table(table: str, words: str, sources: Mapping[str, str]) -> str:
-    """Return the refusal of a whole table with the source of the key that it names."""
-    words = words.removeprefix(f"{table}: ").removeprefix("--").removeprefix(f"{table}-")
-    keys = [place.partition(".")[2] for place in sources if place.startswith(f"{table}.")]
-    named = [each for each in keys if each in words.replace("-", "_")]
-    if not named:
-        return f"{sources[table]}: [{table}] {words}"
-    plain = words.replace("-", "_")
-    chosen = max(named, key=lambda each: (plain.startswith(each), len(each)))
-    source = sources[f"{table}.{chosen}"]
-    return f"{source}{words[len(chosen) :]}" if plain.startswith(chosen) else f"{source}: {words}"
 
 
 def _instead(name: str, known: Iterable[str]) -> str:
