@@ -140,7 +140,7 @@ def test_modules_are_short(folder: str) -> None:
     assert {name: n for name, n in lines.items() if n > MODULE_LINES} == {}
 
 
-@pytest.mark.parametrize("folder", ["prf", "benchmarks", "data", "docs", "tests"])
+@pytest.mark.parametrize("folder", [*SOURCES, "data", "tests"])
 def test_functions_are_short(folder: str) -> None:
     functions = {
         f"{name}.{node.name}": function_lines(node)
