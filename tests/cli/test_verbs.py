@@ -182,6 +182,7 @@ CASES = (
     ("prf anneal laser.log", 2, "--laser"),
     (f"prf anneal {LASER} --steps 1 --time-budget 1", 2, "one of them"),
     (f"prf anneal {LASER} -o - --json", 2, "standard output"),
+    (f"prf anneal {LASER} --set sampler.temperatures=3", 2, "--set sampler.temperatures: not read here"),
     (f"prf calibrate {SONAR}", 2, "--map"),
     (FIT, 2, "--sonar"),
     (f"{FIT} {SONAR} --set sonar.max_range=-1", 2, "sonar.max_range"),
