@@ -24,7 +24,7 @@ from mapq.model import Model
 from mapq.patches import Patches
 from mapq.perturb import build
 from mapq.posed import PosedScans
-from mapq.results.regions import weighted_median
+from mapq.results.reasons import weighted_median
 from mapq.segmentation import segment
 
 LEVELS = ((0.01, 0.1), (0.03, 0.3))

@@ -22,7 +22,7 @@ from mapq.crf import classify
 from mapq.crf.cross_validation import train
 from mapq.crf.train import TrainingMap
 from mapq.features import patch_features
-from mapq.features.provenance import PASS, SCAN, TIME, TO_SENSOR
+from mapq.features.disagreement import PASS, SCAN, TIME, TO_SENSOR
 from mapq.features.table import PatchFeatures
 from mapq.patches import Patches, label_from_field
 from mapq.results.evaluate import Scores, score_labels

@@ -19,7 +19,7 @@ from prf.shell.cli.settings import Loaded
 
 if TYPE_CHECKING:
     from mapq.configuration import Configuration
-    from mapq.results.regions import Region
+    from mapq.results.reasons import Region
     from mapq.results.result import Result
 
 logger = logging.getLogger(__name__)

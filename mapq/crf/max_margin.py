@@ -31,7 +31,7 @@ BIAS_PRECISION = 1e-3
 Floats = NDArray[np.float64]
 
 
-class Part(NamedTuple):
+class MapPart(NamedTuple):
     """The labelled patches of a map."""
 
     unary: Floats  # (n, p) times the first p weights: theta
@@ -76,7 +76,7 @@ class _Planes(NamedTuple):
     owner: list[int]
 
 
-def make_part(inputs: Inputs, unary: Floats, y: Floats, cost: Floats) -> Part:
+def make_part(inputs: Inputs, unary: Floats, y: Floats, cost: Floats) -> MapPart:
     """Return the labelled patches of a map; y (m,) and cost (m,) are 0 where there is no label.
 
     As in the pseudo-likelihood, a patch without a label has no term, and as a neighbour it counts as label 0: the
@@ -86,10 +86,10 @@ def make_part(inputs: Inputs, unary: Floats, y: Floats, cost: Floats) -> Part:
     number = np.cumsum(known) - 1
     inside = known[inputs.pairs].all(axis=1)
     pairs, position, share = number[inputs.pairs[inside]], inputs.position[inside], inputs.share[inside]
-    return Part(unary[known], pairs, position, share, y[known], cost[known])
+    return MapPart(unary[known], pairs, position, share, y[known], cost[known])
 
 
-def fit_margin(parts: Sequence[Part], edge_model: str, precision: Floats) -> MarginFit:
+def fit_margin(parts: Sequence[MapPart], edge_model: str, precision: Floats) -> MarginFit:
     """Return the weights of least regularised risk, to within `GAP`.
 
     ``sum_k precision_k w_k² / 2 + sum of parts (max over y of cost(y) + score(y) - score(true y))``, the last two
@@ -114,7 +114,7 @@ def fit_margin(parts: Sequence[Part], edge_model: str, precision: Floats) -> Mar
     return MarginFit(best, least, bound, rounds)
 
 
-def _add_planes(planes: _Planes, parts: Sequence[Part], weights: Floats, n_coupling: int) -> float:
+def _add_planes(planes: _Planes, parts: Sequence[MapPart], weights: Floats, n_coupling: int) -> float:
     """Add the plane of each part's worst labelling; return the sum of the risks."""
     total = 0.0
     for owner, part in enumerate(parts):

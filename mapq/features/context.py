@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 
 from mapq.configuration import FeatureSettings
 from mapq.features.copies import COLUMNS, copy_columns, nearby_points
-from mapq.features.disagreement import Disagreement, joined, measure_disagreement
+from mapq.features.disagreement import Disagreement, Known, joined, known_of, measure_disagreement, moments_of, ways_of
 from mapq.features.pairs import EDGE_NAMES, PatchGraph, smaller_first
-from mapq.features.provenance import Known, known_of, moments_of, ways_of
 from mapq.features.shape import PatchShapes
 from mapq.patches import Patches
 

@@ -26,7 +26,7 @@ COMPRESSED = ("binary_compressed", "binaryscompressed")
 """The second spelling is that of an old program."""
 
 
-class Header(NamedTuple):
+class PcdHeader(NamedTuple):
     """Types of the fields, (count,) where there are several values, points, encoding, and where the data begin."""
 
     dtype: np.dtype[np.void]
@@ -66,7 +66,7 @@ def read_viewpoint(content: Content) -> NDArray[np.float64]:
     return pose
 
 
-def parse_header(data: bytes, source: str) -> Header:
+def parse_header(data: bytes, source: str) -> PcdHeader:
     """Return the header of a PCD file."""
     entries, n_lines, end = _entries(data, source)
     fields = entries.get("FIELDS") or entries.get("COLUMNS") or []
@@ -82,7 +82,7 @@ def parse_header(data: bytes, source: str) -> Header:
     if encoding not in ("ascii", "binary", *COMPRESSED):
         raise InputError(f"{source}: DATA {encoding[:24]!r} is not known; ascii, binary and binary_compressed are.")
     refuse_doubles([name for name, _, _ in dtype], source)
-    return Header(np.dtype(dtype), _n_points(entries, source), encoding, n_lines, end)
+    return PcdHeader(np.dtype(dtype), _n_points(entries, source), encoding, n_lines, end)
 
 
 def _entries(data: bytes, source: str) -> tuple[dict[str, list[str]], int, int]:
@@ -118,7 +118,7 @@ def _number(text: str, key: str, source: str) -> int:
     return number
 
 
-def _read_ascii(data: bytes, header: Header, source: str) -> dict[str, Array]:
+def _read_ascii(data: bytes, header: PcdHeader, source: str) -> dict[str, Array]:
     """Return the fields of text: its columns are those of the fields, one after the other."""
     parts = [(name, header.dtype[name].base, header.dtype[name].shape) for name in header.dtype.names or ()]
     columns = [(f"{name} {k}", kind) for name, kind, shape in parts for k in range(*(shape or (1,)))]
@@ -131,7 +131,7 @@ def _read_ascii(data: bytes, header: Header, source: str) -> dict[str, Array]:
     }
 
 
-def _read_compressed(data: bytes, header: Header, source: str) -> dict[str, Array]:
+def _read_compressed(data: bytes, header: PcdHeader, source: str) -> dict[str, Array]:
     """Return the fields of compressed data: field after field, each point after point."""
     raw = _decompressed(data, header, source)
     fields, start = {}, 0
@@ -142,7 +142,7 @@ def _read_compressed(data: bytes, header: Header, source: str) -> dict[str, Arra
     return fields
 
 
-def _decompressed(data: bytes, header: Header, source: str) -> bytes:
+def _decompressed(data: bytes, header: PcdHeader, source: str) -> bytes:
     """Return the data without their compression; pypcd4 before 1.4 compressed them only where it paid."""
     lzf = require("lzf", "pcd", f"{source}: compressed PCD", InputError)
     packed_size, size = struct.unpack_from("<II", data, header.end)

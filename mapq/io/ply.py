@@ -57,7 +57,7 @@ class Element(NamedTuple):
         return np.dtype([(name, order + kind) for name, kind in self.properties])
 
 
-class Header(NamedTuple):
+class PlyHeader(NamedTuple):
     """Name of the format, elements, number of header lines, offset of the data."""
 
     format: str
@@ -88,7 +88,7 @@ def read_ply(content: Content, options: ReadOptions) -> PointCloud:
     return make_cloud(columns_of(rows), source, options.unit or 1.0)
 
 
-def parse_header(data: bytes, source: str) -> Header:
+def parse_header(data: bytes, source: str) -> PlyHeader:
     """Return the header of a PLY file; comments are skipped, whatever their encoding."""
     found = _END.search(data, 0, LONGEST_HEADER)
     if found is None:
@@ -113,10 +113,10 @@ def parse_header(data: bytes, source: str) -> Header:
                 )
     if not format_name:
         raise InputError(f"{source}: the PLY header has no format line. Write the file anew.")
-    return Header(format_name, elements, len(lines), found.end())
+    return PlyHeader(format_name, elements, len(lines), found.end())
 
 
-def _read_ascii(data: bytes, header: Header, n_before: int, vertex: Element, source: str) -> Array:
+def _read_ascii(data: bytes, header: PlyHeader, n_before: int, vertex: Element, source: str) -> Array:
     start, dtype = header.end, vertex.dtype("=")
     for _ in range(n_before):
         start = data.find(b"\n", start) + 1 or len(data)

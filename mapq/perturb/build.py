@@ -14,7 +14,7 @@ from mapq.configuration import MergeSettings, PerturbSettings
 from mapq.io.write import check_name, write_cloud
 from mapq.labels import PLAUSIBLE, SUSPICIOUS, UNLABELLED
 from mapq.perturb.errors import displaced
-from mapq.perturb.known import Disagreement, find_surfaces, known_disagreement
+from mapq.perturb.known import PointDisagreement, find_surfaces, known_disagreement
 from mapq.perturb.measure import measured_disagreement
 from mapq.posed import PosedScans, drive_passes
 from mapq.posed.merge import Merged, map_of, merge
@@ -87,7 +87,7 @@ def build(
     return Built(cloud, {**basis, **_counts(merged, found, label), "scans": _rows(scans, merged, used, right)})
 
 
-def _counts(merged: Merged, found: Disagreement, label: NDArray[np.uint8]) -> dict[str, Any]:
+def _counts(merged: Merged, found: PointDisagreement, label: NDArray[np.uint8]) -> dict[str, Any]:
     """Return how many points there are of each kind, and how many scans see what."""
     return {
         "n_read": int(merged.counts.sum()),

@@ -34,13 +34,6 @@ LEAST_WIDTH = 0.05
 CHUNK = 20_000
 
 
-class Planes(NamedTuple):
-    """Unit normals (m, 3) of either sign of the planes round places, and where (m,) the neighbours make one at all."""
-
-    normal: Floats
-    flat: NDArray[np.bool_]
-
-
 def mean_of(groups: NDArray[np.int64], n_groups: int, values: Floats) -> Floats:
     """Return the mean (m, 3) of values (n, 3) over groups (n,)."""
     counts = np.bincount(groups, minlength=n_groups)
@@ -48,14 +41,16 @@ def mean_of(groups: NDArray[np.int64], n_groups: int, values: Floats) -> Floats:
     return np.asarray(sums / counts[:, None])
 
 
-def planes_round(places: Floats) -> Planes:
-    """Return the plane round each of the places (m, 3), which are means of the points of a cell.
+def planes_round(places: Floats) -> tuple[Floats, NDArray[np.bool_]]:
+    """Return normals (m, 3) of either sign of the planes round places (m, 3), and which (m,) have a plane at all.
+
+    Places are means of the points of a cell.
 
     It is the plane through the place on which most of its `NEIGHBOURS` lie: beside another surface, such as the other
     side of a wall or the wall across a corner, one through all of them would be neither.
     """
     if len(places) < NEIGHBOURS:
-        return Planes(np.tile([0.0, 0.0, 1.0], (len(places), 1)), np.zeros(len(places), bool))
+        return np.tile([0.0, 0.0, 1.0], (len(places), 1)), np.zeros(len(places), bool)
     tree = cKDTree(places)
     normal, flat = np.empty_like(places), np.empty(len(places), bool)
     for first in range(0, len(places), CHUNK):
@@ -63,7 +58,7 @@ def planes_round(places: Floats) -> Planes:
         distance, near = tree.query(places[rows], k=NEIGHBOURS)
         offset = places[near] - places[rows, None]
         normal[rows], flat[rows] = _planes(offset, np.maximum(SLAB * distance[:, -1], THINNEST))
-    return Planes(normal, flat)
+    return normal, flat
 
 
 def _planes(offset: Floats, slab: Floats) -> tuple[Floats, NDArray[np.bool_]]:
@@ -132,7 +127,7 @@ class Surfaces(NamedTuple):
     reach: float
 
 
-class Disagreement(NamedTuple):
+class PointDisagreement(NamedTuple):
     """Metres (n,) by which the scan that disagrees most is off along the normal, and other scans (n,) at the surface.
 
     0 m where one scan alone saw the surface, nan where it is not known.
@@ -153,13 +148,13 @@ def find_surfaces(merged: Merged, poses: Floats, reach: float | None = None, sid
     points = merged.placed(poses)
     _, voxel = np.unique(cell_keys(points, min(CELL * reach, LARGEST_CELL)), return_inverse=True)
     means = mean_of(voxel, int(voxel.max()) + 1, points)
-    planes = planes_round(means)
-    towards = np.einsum("ij,ij->i", poses[merged.scan, :3, 3] - points, planes.normal[voxel])
+    normals, is_flat = planes_round(means)
+    towards = np.einsum("ij,ij->i", poses[merged.scan, :3, 3] - points, normals[voxel])
     behind = (towards < 0.0) if sided else np.zeros(len(points), bool)
     found, element = np.unique(2 * voxel + behind, return_inverse=True)
     place = mean_of(element, len(found), points)
-    normal = planes.normal[found // 2] * np.where(found % 2, -1.0, 1.0)[:, None]
-    flat = planes.flat[found // 2]
+    normal = normals[found // 2] * np.where(found % 2, -1.0, 1.0)[:, None]
+    flat = is_flat[found // 2]
     n_scans = len(poses)
     pairs, entry, counts = np.unique(element * n_scans + merged.scan, return_inverse=True, return_counts=True)
     at, by = pairs // n_scans, pairs % n_scans
@@ -203,7 +198,7 @@ def _same_surface(place: Floats, normal: Floats, flat: NDArray[np.bool_], reach:
     return csr_array((np.ones(len(rows), np.int64), (rows, columns)), shape=(len(place), len(place)))
 
 
-def known_disagreement(surfaces: Surfaces, right: Floats, used: Floats, agree: float) -> Disagreement:
+def known_disagreement(surfaces: Surfaces, right: Floats, used: Floats, agree: float) -> PointDisagreement:
     """Return how far apart the poses that are used put what is one place under the right poses.
 
     At an element each scan b puts the place x of the right map at ``used_b inv(right_b) x``. The differences between
@@ -235,7 +230,7 @@ def known_disagreement(surfaces: Surfaces, right: Floats, used: Floats, agree: f
     itself = np.isin(at * len(right) + by, surfaces.seen_at * len(right) + surfaces.seen_by)
     n_others = n_seen - itself
     value = np.where(n_others == 0, 0.0, np.where(surfaces.flat[at], metres, rough))
-    return Disagreement(value[surfaces.entry], n_others[surfaces.entry])
+    return PointDisagreement(value[surfaces.entry], n_others[surfaces.entry])
 
 
 def _put(moved: Floats, scan: NDArray[np.int64], place: Floats) -> Floats:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from mapq.perturb.known import Disagreement, mean_of, planes_round
+from mapq.perturb.known import PointDisagreement, mean_of, planes_round
 from mapq.posed.merge import Merged, cell_keys
 
 Floats = NDArray[np.float64]
@@ -220,7 +220,7 @@ def measured_disagreement(
     sided: bool = True,
     proven: float = 0.3,
     progress: Callable[[int], None] = lambda done: None,
-) -> Disagreement:
+) -> PointDisagreement:
     """Return how far apart scans, with the poses that are used, put what registration finds to be the same walls.
 
     Points that are of no wall are not known (nan). Nor are walls that have a wall of another scan within `DOUBT` which
@@ -247,7 +247,7 @@ def measured_disagreement(
         rows = slice(int(starts[scan]), int(starts[scan + 1]))
         worst, count = _gathered(part, scan, compared, proven)
         metres[rows], n_others[rows] = worst[part.element], count[part.element]
-    return Disagreement(metres, n_others)
+    return PointDisagreement(metres, n_others)
 
 
 def _parted(points: Floats, origin: Floats | None) -> Parted:
@@ -259,13 +259,12 @@ def _parted(points: Floats, origin: Floats | None) -> Parted:
         )
     _, element = np.unique(cell_keys(points, CELL), return_inverse=True)
     place = mean_of(element, int(element.max()) + 1, points)
-    planes = planes_round(place)
-    normal = planes.normal
+    normal, flat = planes_round(place)
     if origin is not None:
         behind = np.einsum("ij,ij->i", origin - place, normal) < 0.0
         normal = normal * np.where(behind, -1.0, 1.0)[:, None]
-    upright = planes.flat & (np.abs(normal[:, 2]) < UPRIGHT)
-    return Parted(Sheet(place, normal, upright, cKDTree(place)), element, planes.flat)
+    upright = flat & (np.abs(normal[:, 2]) < UPRIGHT)
+    return Parted(Sheet(place, normal, upright, cKDTree(place)), element, flat)
 
 
 def _compare(

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from mapq.io.maps import Row
 from mapq.labels import SUSPICIOUS
 from mapq.report.findings import MAX_REGIONS, Findings
-from mapq.report.scene import VIEWS, Scene, build_scene
+from mapq.report.scene import VIEWS, PageScene, build_scene
 from prf.shell.cli.files import encoded, open_output
 from prf.shell.cli.page import escape, packed, packed_json, page, table
 
@@ -255,7 +255,7 @@ def write_report(path: str, findings: Findings, title: str | None = None, max_po
     return Written(len(encoded(text)), len(scene.points), scene.n_points)
 
 
-def _page(findings: Findings, scene: Scene, title: str) -> str:
+def _page(findings: Findings, scene: PageScene, title: str) -> str:
     head, numbers = scene.pack()
     sums, unit = histogram(findings.probability, findings.label, findings.area)
     content = {

@@ -1,4 +1,4 @@
-"""`Scene`: points and outlines that the views of a page draw, few enough to stay smooth, and packed for it."""
+"""`PageScene`: points and outlines that the views of a page draw, few enough to stay smooth, and packed for it."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _ODD = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9, 0x2
 Floats = NDArray[np.float64]
 
 
-class Scene(NamedTuple):
+class PageScene(NamedTuple):
     """Points and outlines of patches."""
 
     points: Floats  # (k, 3) metres, in the frame of ``cloud.xyz``; patch after patch, those without a patch last
@@ -64,7 +64,7 @@ def build_scene(
     normal: Floats,
     label: NDArray[np.uint8],
     n_most: int,
-) -> Scene:
+) -> PageScene:
     """Return the scene of a map.
 
     `xyz` (n, 3): metres; points that are not finite are left out. `patch` (n,): `NO_PATCH` for none. `normal` (m, 3).
@@ -82,7 +82,7 @@ def build_scene(
     start = np.concatenate([[0], np.cumsum(np.bincount(patch[shown], minlength=n_patches)), [0]]).astype(np.int64)
     start[-1] = len(shown) + len(without)
     low, high = _box(xyz[order], xyz[finite])
-    return Scene(
+    return PageScene(
         xyz[np.concatenate([shown, without])],
         start,
         corners,

@@ -29,8 +29,7 @@ from mapq.report.page import write_report
 from mapq.results.causes import CAUSES, Cause, find_causes
 from mapq.results.content import cause_row, head_of, patch_rows, rounded
 from mapq.results.evaluate import Scores, score_labels
-from mapq.results.reasons import Reason, Reasons
-from mapq.results.regions import Region, find_regions, weighted_median
+from mapq.results.reasons import Reason, Reasons, Region, find_regions, weighted_median
 from mapq.results.visits import Visits, visits_of
 from prf.shell.cli.outputs import refuse_existing
 from prf.shell.cli.pictures import card

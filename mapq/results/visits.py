@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapq.cloud import PointCloud
-from mapq.features.provenance import PASS, SCAN, TIME, TO_SENSOR, Span, spans_of
+from mapq.features.disagreement import PASS, SCAN, TIME, TO_SENSOR, Span, spans_of
 
 TIMES, PASSES = (TIME, "gps_time"), (PASS, "point_source_id")
 """Fields of seconds, and of numbers of passes: the names of this package, then those of LAS."""

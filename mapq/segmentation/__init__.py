@@ -12,11 +12,10 @@ from mapq.axes import GroundPlan, turn
 from mapq.cloud import PointCloud
 from mapq.configuration import SegmentSettings
 from mapq.patches import Patches
-from mapq.segmentation.core import Core, make_core
 from mapq.segmentation.join import describe_regions, join_regions, warnings_of
 from mapq.segmentation.parameters import Parameters, choose_parameters
 from mapq.segmentation.points import Points, sort_points
-from mapq.segmentation.regions import find_regions, spread_out
+from mapq.segmentation.regions import Core, find_regions, make_core, spread_out
 from prf.shell.cli.progress import Report
 from prf.shell.errors import InputError
 

@@ -9,8 +9,113 @@ from numpy.typing import NDArray
 
 from mapq.axes import turn
 from mapq.configuration import SegmentSettings
-from mapq.segmentation.points import Points
-from mapq.segmentation.scale import Scale, cell_side, find_scale
+from mapq.kernels.cells import LEVELS, pick_one_a_cell
+from mapq.segmentation.points import LARGE_SAMPLE, SAMPLE, Points, Sample, look_at, usual_noise
+
+ENOUGH_FLAT, FEW_LINES, NEARLY_BEST = 0.5, 0.05, 0.9
+"""Shares of neighbourhoods: with so many that show a plane and so few that are too narrow no coarser level is looked
+at; else the finest level nearly as good as the best one is taken."""
+FEWEST = 200
+"""Representatives below which a level is too coarse to try."""
+COARSEST = 8.0
+"""Times the spacing of all points: coarser levels are not tried, as anything looks flat from far enough away. Lines of
+a scanner may be the square of this times as far apart as the points along them."""
+TILT_MARGIN = 15.0
+"""Degrees by which a neighbourhood may be farther from vertical than the patches that are kept, to count as theirs."""
+ENOUGH = 100
+"""Flat neighbourhoods of the sample from which on they alone determine spacing and noise."""
+
+
+class Scale(NamedTuple):
+    """What the estimates found."""
+
+    level: int  # of the octree: one point of each cell is looked at first. LEVELS + 1: every point.
+    spacing: float  # metres between points as if on a square grid, median over the sample
+    wide_spacing: float  # its 90th percentile
+    noise: float  # standard deviation in metres across surfaces
+    flat_share: float  # share of the sample whose neighbourhoods show a plane
+    narrow_share: float  # and that are too narrow to show one
+
+
+def find_scale(points: Points, settings: SegmentSettings) -> Scale:
+    """Return the scale at which a cloud shows its planes: the finest one where most neighbourhoods do.
+
+    Points on scan lines far apart, or denser than their noise, show planes only when they are thinned out.
+    """
+    if settings.resolution is not None:
+        return measure(points, level_of(points, settings.resolution), settings, LARGE_SAMPLE)
+    finest = measure(points, LEVELS + 1, settings, LARGE_SAMPLE)
+    if shows_planes(finest):
+        return finest
+    return measure(points, find_level(points, settings, finest), settings, LARGE_SAMPLE)
+
+
+def shows_planes(scale: Scale) -> bool:
+    """Return whether a level shows planes well enough to look at no coarser one."""
+    return scale.flat_share >= ENOUGH_FLAT and scale.narrow_share <= FEW_LINES
+
+
+def find_level(points: Points, settings: SegmentSettings, finest: Scale) -> int:
+    """Return the level of that scale, by small samples of the levels coarser than the finest."""
+    found = [finest]
+    per_level = np.cumsum(np.bincount(points.first_level, minlength=LEVELS + 2))
+    for level in range(LEVELS, 0, -1):
+        if len(found) > 1 and shows_planes(found[-1]):
+            return found[-1].level
+        if FEWEST <= per_level[level] < 0.8 * per_level[found[-1].level]:
+            coarser = measure(points, level, settings, SAMPLE)
+            if coarser.spacing > COARSEST * found[0].spacing:
+                break
+            found.append(coarser)
+    best = max(scale.flat_share for scale in found)
+    return next(scale.level for scale in found if scale.flat_share >= NEARLY_BEST * best)
+
+
+def measure(points: Points, level: int, settings: SegmentSettings, n_sample: int) -> Scale:
+    """Return the scale of the representatives of one level, from a sample of about this size.
+
+    What is measured are neighbourhoods as the patches that will be kept: upright ones under a limit of tilt.
+    """
+    _, xyz, code = representatives(points, level)
+    sample = look_at(xyz, code, points.frame, settings.neighbours, n_sample)
+    ours = sample.narrow | upright(sample, settings)
+    flat = ours & sample.flat
+    if np.count_nonzero(flat) < ENOUGH:
+        ours, flat = np.ones(len(ours), bool), sample.flat
+    used = flat if flat.any() else ours
+    spacing, wide = np.quantile(sample.spacing[used], (0.5, 0.9))
+    noise = usual_noise(sample.scale[used], sample.residual[used])
+    return Scale(
+        level, float(spacing), float(wide), noise, float(np.mean(flat[ours])), float(np.mean(sample.narrow[ours]))
+    )
+
+
+def upright(sample: Sample, settings: SegmentSettings) -> NDArray[np.bool_]:
+    """Return which neighbourhoods (s,) face as patches that will be kept, with a margin."""
+    up = np.asarray(settings.up) / np.linalg.norm(settings.up)
+    limit = np.sin(np.radians(min(settings.max_tilt + TILT_MARGIN, 90.0)))
+    return np.asarray(np.abs(sample.normal @ up) <= limit)
+
+
+def level_of(points: Points, resolution: float) -> int:
+    """Return the coarsest level whose cells are no wider than `resolution`; 0 means every point."""
+    if resolution <= 0.0:
+        return LEVELS + 1
+    return int(np.clip(np.ceil(np.log2(points.frame[3] / resolution)), 1, LEVELS + 1))
+
+
+def cell_side(points: Points, level: int) -> float:
+    """Return the side in metres of the cells of a level, 0 where every point counts."""
+    return 0.0 if level > LEVELS else float(points.frame[3] / 2.0**level)
+
+
+def representatives(points: Points, level: int) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.uint64]]:
+    """Return one point of each cell of a level, in order, with coordinates and numbers; all above the finest level."""
+    if level > LEVELS:
+        return np.arange(len(points.xyz)), points.xyz, points.code
+    place = pick_one_a_cell(points.code, points.first_level, level)
+    return place, points.xyz[place], points.code[place]
+
 
 DISTANCE_IN_NOISE = 3.0
 DISTANCE_IN_SPACING = 0.1

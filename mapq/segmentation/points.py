@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 from mapq.cloud import PointCloud
 from mapq.kernels.cells import LEVELS, find_bounds, first_levels, number_cells
+from mapq.kernels.neighbours import find_neighbours
+from mapq.kernels.normals import estimate_normals, trimmed_residuals
 
 FAR = 100.0
 """Times the extent of the middle 98 % of the points: farther out is left out where cells are too coarse otherwise."""
@@ -110,3 +112,115 @@ def _order(xyz: NDArray[np.float64], code: NDArray[np.uint64]) -> NDArray[np.int
     among = order[tied]
     order[tied] = among[np.lexsort((*xyz[among].T[::-1], code[among]))]
     return order
+
+
+SAMPLE = 3000
+"""Size of the sample, taken evenly along the curve, that chooses a level: its standard error is about 2 %."""
+LARGE_SAMPLE = 8_000
+"""Points that spacing and noise are estimated from then, to about 1 %. Eight times as many would cost a third more time
+on a million points."""
+WIDEST = 48
+"""Neighbours of the sample: enough to distinguish a plane with others beside it from a ball."""
+TURNS = 28
+"""Candidate planes of a robust fit."""
+THIN = 0.03
+"""A neighbourhood shows a plane if the nearest half of it has at most this thickness; half a ball has 0.05 or more."""
+WIDTH_IN_NOISE, WIDTH_IN_LENGTH = 2.0, 0.22
+"""And if its short side is wider than the noise and not too short for its length, else it may be one scan line. Both
+are standard deviations; a half disc, at the edge of a wall, has a width of 0.5 of its length."""
+
+CUT, KEPT_STD = 2.0, 0.8796
+"""Distances up to `CUT` standard deviations, and the standard deviation of a normal law cut there (as a share)."""
+START = 1.5
+"""Times the scale of the nearest half, which is 0.4 standard deviations of one surface and 1 of two."""
+MOST_ROUNDS = 200
+
+
+class Sample(NamedTuple):
+    """Neighbourhoods of some points."""
+
+    spacing: NDArray[np.float64]  # (s,) metres between points, as if they lay on a square grid
+    normal: NDArray[np.float32]  # (s, 3) of the plane through the point and its neighbours, whether it is one or not
+    flat: NDArray[np.bool_]  # (s,) whether the neighbourhood shows a plane
+    narrow: NDArray[np.bool_]  # (s,) whether it is too narrow to show one
+    scale: NDArray[np.float64]  # (s,) root mean square in metres of the half that a plane fits best
+    residual: NDArray[np.float64]  # (s, k) distances to that plane, nan where there are fewer
+
+
+def look_at(
+    xyz: NDArray[np.float64], code: NDArray[np.uint64], frame: NDArray[np.float64], n_neighbours: int, n_sample: int
+) -> Sample:
+    """Return the neighbourhoods of about `n_sample` of the sorted points."""
+    place = np.unique(np.linspace(0, len(xyz) - 1, n_sample).astype(np.int64))
+    wanted = np.zeros(len(xyz), bool)
+    wanted[place] = True
+    n_wide = min(max(WIDEST, n_neighbours), len(xyz) - 1)
+    n_own = min(n_neighbours, n_wide)
+    neighbours = neighbours_of(xyz, code, frame, wanted, n_wide)
+    normal, spread = np.empty((len(place), 3), np.float32), np.empty((len(place), 3), np.float32)
+    estimate_normals(xyz, place, neighbours[:, :n_own].copy(), normal, spread)
+    scale, thickness = np.empty(len(place)), np.empty(len(place))
+    residual = np.empty((len(place), n_wide + 1))
+    trimmed_residuals(xyz, place, neighbours, TURNS, scale, thickness, residual)
+    width, length = np.sqrt(spread[:, 1]), np.sqrt(spread[:, 2])
+    narrow = ~((width > WIDTH_IN_NOISE * pooled_noise(scale, residual)) & (width > WIDTH_IN_LENGTH * length))
+    reach = np.linalg.norm(xyz[neighbours[:, n_own - 1]] - xyz[place], axis=1)
+    return Sample(reach * np.sqrt(np.pi / n_own), normal, ~narrow & (thickness <= THIN), narrow, scale, residual)
+
+
+def neighbours_of(
+    xyz: NDArray[np.float64],
+    code: NDArray[np.uint64],
+    frame: NDArray[np.float64],
+    wanted: NDArray[np.bool_],
+    n_neighbours: int,
+    max_gap: float = np.inf,
+) -> NDArray[np.int32]:
+    """Return the nearest neighbours (w, k) of the points wanted, none beyond `max_gap`; -1 fills up."""
+    before = np.zeros(len(xyz) + 1, np.int32)
+    np.cumsum(wanted, out=before[1:])
+    neighbours = np.empty((int(before[-1]), n_neighbours), np.int32)
+    find_neighbours(xyz, code, frame, before, max_gap, neighbours)
+    return neighbours
+
+
+def pooled_noise(scale: NDArray[np.float64], residual: NDArray[np.float64]) -> float:
+    """Return the noise of the smoother surfaces from all neighbourhoods together, 0 if there is none.
+
+    `scale` (s,): root mean square of the half of each neighbourhood that its plane fits best, nan where there is no
+    plane. `residual` (s, k): distances of all its points, nan where there are fewer.
+    """
+    known = np.isfinite(scale)
+    if not known.any():
+        return 0.0
+    low, usual = np.quantile(scale[known], (0.1, 0.25))
+    pooled = residual[known][scale[known] <= 3.0 * usual].reshape(1, -1)
+    return float(_raise(np.array([low]), pooled)[0])
+
+
+def usual_noise(scale: NDArray[np.float64], residual: NDArray[np.float64]) -> float:
+    """Return the noise that at least half of the surfaces keep to, 0 if there is none.
+
+    That of all neighbourhoods together or, where surfaces differ, the median of each by itself, whichever is more: the
+    first is drawn to the smooth ones, the second lies low by a third where all are alike. Parameters as of
+    :func:`pooled_noise`.
+    """
+    known = np.isfinite(scale)
+    if not known.any():
+        return 0.0
+    single = _raise(START * scale[known], residual[known])
+    return max(pooled_noise(scale, residual), float(np.median(single)))
+
+
+def _raise(noise: NDArray[np.float64], residual: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the standard deviations (s,), raised from those given, that agree with the distances (s, k) below them."""
+    ordered = np.sort(np.where(np.isfinite(residual), residual, np.inf), axis=1)
+    squares = np.cumsum(np.where(np.isfinite(ordered), ordered, 0.0) ** 2, axis=1)
+    rows = np.arange(len(noise))
+    for _ in range(MOST_ROUNDS):
+        n_within = np.maximum(np.count_nonzero(ordered <= CUT * noise[:, None], axis=1), 1)
+        raised = np.sqrt(squares[rows, n_within - 1] / n_within) / KEPT_STD
+        if (raised <= noise * 1.0005).all():
+            break
+        noise = np.maximum(noise, raised)
+    return noise

@@ -58,7 +58,7 @@ LARGEST = 20_000_000_000
 Floats = NDArray[np.float64]
 
 
-class Part(NamedTuple):
+class CityPart(NamedTuple):
     """Points (n, 3) in metres with their truth (n,), 1 = suspicious, kind (n,) and surface (n,), -1 = none."""
 
     xyz: Floats
@@ -66,18 +66,18 @@ class Part(NamedTuple):
     kind: NDArray[np.uint8]
     surface: NDArray[np.int32]
 
-    def take(self, some: NDArray[np.bool_] | NDArray[np.int64]) -> Part:
+    def take(self, some: NDArray[np.bool_] | NDArray[np.int64]) -> CityPart:
         """Return some of the points (a mask, or their places)."""
-        return Part(self.xyz[some], self.truth[some], self.kind[some], self.surface[some])
+        return CityPart(self.xyz[some], self.truth[some], self.kind[some], self.surface[some])
 
 
-def join(parts: list[Part]) -> Part:
+def join(parts: list[CityPart]) -> CityPart:
     """Return the points of all parts, one after the other."""
     xyz, truth, kind, surface = zip(*parts, strict=True)
-    return Part(np.concatenate(xyz), np.concatenate(truth), np.concatenate(kind), np.concatenate(surface))
+    return CityPart(np.concatenate(xyz), np.concatenate(truth), np.concatenate(kind), np.concatenate(surface))
 
 
-def make_block(seed: int, column: int, row: int, number: int) -> Part:
+def make_block(seed: int, column: int, row: int, number: int) -> CityPart:
     """Return the points of one block, at the corner ``(column, row) * PITCH``, and of half the streets around it.
 
     Surfaces of the block with this number begin at `SURFACES_OF_BLOCK` times that.
@@ -96,12 +96,12 @@ def make_block(seed: int, column: int, row: int, number: int) -> Part:
     return block._replace(xyz=xyz)
 
 
-def _part(xyz: Floats, kind: Kind, truth: NDArray[np.bool_] | None = None, surface: int = NO_SURFACE) -> Part:
+def _part(xyz: Floats, kind: Kind, truth: NDArray[np.bool_] | None = None, surface: int = NO_SURFACE) -> CityPart:
     suspicious = np.zeros(len(xyz), np.uint8) if truth is None else truth.astype(np.uint8)
-    return Part(xyz, suspicious, np.full(len(xyz), kind, np.uint8), np.full(len(xyz), surface, np.int32))
+    return CityPart(xyz, suspicious, np.full(len(xyz), kind, np.uint8), np.full(len(xyz), surface, np.int32))
 
 
-def _ground(rng: np.random.Generator, surface: int) -> Part:
+def _ground(rng: np.random.Generator, surface: int) -> CityPart:
     """Return the streets around a block; its yard is not seen."""
     places = rng.uniform(0.0, 1.0, (rng.poisson(DENSITY * PITCH.prod()), 2)) * PITCH
     inside = ((places > 0.5 * STREET) & (places < PITCH - 0.5 * STREET)).all(axis=1)
@@ -109,7 +109,7 @@ def _ground(rng: np.random.Generator, surface: int) -> Part:
     return _part(np.column_stack([kept, np.zeros(len(kept))]), Kind.GROUND, None, surface)
 
 
-def _side(rng: np.random.Generator, side: int, surface: int) -> list[Part]:
+def _side(rng: np.random.Generator, side: int, surface: int) -> list[CityPart]:
     """Return the houses along one side of a block, twice where two visits disagree."""
     low, high = np.full(2, 0.5 * STREET), PITCH - 0.5 * STREET
     corners = np.array([low, (high[0], low[1]), high, (low[0], high[1])])
@@ -165,7 +165,7 @@ def _in_street(rng: np.random.Generator) -> Floats:
     return np.asarray(place if rng.uniform() < 0.5 else PITCH - place)
 
 
-def _car(rng: np.random.Generator) -> Part:
+def _car(rng: np.random.Generator) -> CityPart:
     """Return a car as half an ellipsoid."""
     direction = rng.normal(size=(rng.poisson(DENSITY * 18.0), 3))
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)
@@ -174,7 +174,7 @@ def _car(rng: np.random.Generator) -> Part:
     return _part(np.append(_in_street(rng), 0.0) + direction * half, Kind.PARKED_CAR)
 
 
-def _tree(rng: np.random.Generator) -> Part:
+def _tree(rng: np.random.Generator) -> CityPart:
     """Return the crown of a tree: points all through a ball."""
     radius = rng.uniform(1.2, 2.0)
     direction = rng.normal(size=(rng.poisson(DENSITY * 4.0 * np.pi * radius**2), 3))
@@ -225,7 +225,7 @@ def plan_city(n_points: int, points_of_tile: int = POINTS_OF_TILE) -> City:
     return City(columns, math.ceil(blocks / columns), max(1, int((points_of_tile / POINTS_OF_BLOCK) ** 0.5)))
 
 
-def make_tile(city: City, tile: Tile, seed: int) -> Part:
+def make_tile(city: City, tile: Tile, seed: int) -> CityPart:
     """Return the points of one tile, in the frame of the city, in random order."""
     rows = range(int(tile.low[1]), int(np.ceil(tile.high[1])))
     columns = range(int(tile.low[0]), int(np.ceil(tile.high[0])))
@@ -239,7 +239,7 @@ def make_tile(city: City, tile: Tile, seed: int) -> Part:
     return whole.take(order)
 
 
-def _inside(city: City, tile: Tile, block: Part) -> NDArray[np.bool_]:
+def _inside(city: City, tile: Tile, block: CityPart) -> NDArray[np.bool_]:
     """Return which points (n,) belong to a tile; what noise puts beyond the city belongs to its outermost tiles."""
     place = block.xyz[:, :2] / PITCH
     low = np.where(np.array(tile.low) == 0.0, -np.inf, tile.low)

@@ -15,7 +15,7 @@ from mapq.simulate.layout import Plan, add_block, block_waypoints, draw_plan
 from mapq.simulate.robot import Trajectory, drive_along, odometry
 from mapq.simulate.scene import MOVING, NO_SURFACE, Frame, Kind, SceneBuilder, World
 from mapq.simulate.street import add_traffic
-from mapq.simulate.truth import Seen, Truth, judge
+from mapq.simulate.truth import Observed, Truth, judge
 from prf.shell.cli.provenance import spawn_generators
 
 Floats = NDArray[np.float64]
@@ -160,17 +160,17 @@ def _render(
     return Simulation(cloud, summarise(cloud, world, truth, way, believed, settings))
 
 
-def _seen(world: World, returns: Returns, moved: Floats) -> Seen:
+def _seen(world: World, returns: Returns, moved: Floats) -> Observed:
     """Return what the rule of truth needs."""
     never = returns.mixed | np.isin(world.kind[returns.items], MOVING)
     surface = np.where(returns.mixed, NO_SURFACE, world.surface[returns.items])
     thing = np.where(never, -1, world.thing[returns.items])
     normal = world.normal[np.maximum(surface, 0)]
-    return Seen(returns.hits, moved, returns.time, surface.astype(np.int32), thing.astype(np.int32), normal)
+    return Observed(returns.hits, moved, returns.time, surface.astype(np.int32), thing.astype(np.int32), normal)
 
 
 def _fields(
-    world: World, returns: Returns, seen: Seen, truth: Truth, pass_id: NDArray[np.int16]
+    world: World, returns: Returns, seen: Observed, truth: Truth, pass_id: NDArray[np.int16]
 ) -> dict[str, NDArray[np.generic]]:
     """Return the fields of the map's points."""
     kind = np.where(returns.mixed, np.uint8(Kind.MIXED), world.kind[returns.items])

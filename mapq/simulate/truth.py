@@ -26,7 +26,7 @@ class Truth(NamedTuple):
     cell: NDArray[np.int64]
 
 
-class Seen(NamedTuple):
+class Observed(NamedTuple):
     """Points with all that the rule needs: where beams met the world (n, 3), and at what times (n,).
 
     `moved` (n, 2) is the horizontal displacement by drift. Each point is of a true planar surface (n,), whose normal
@@ -41,7 +41,7 @@ class Seen(NamedTuple):
     normal: Floats
 
 
-def judge(seen: Seen, settings: SimulateSettings) -> Truth:
+def judge(seen: Observed, settings: SimulateSettings) -> Truth:
     """Return the truth of every point.
 
     In a cell, points of which no two neighbours in time lie more than `settings.visit_gap` apart are one visit; a
@@ -65,7 +65,7 @@ def judge(seen: Seen, settings: SimulateSettings) -> Truth:
     moved = np.where(planar[:, None], np.stack([along, np.zeros(len(order))], axis=1), seen.moved[order])
     mean = np.stack([np.bincount(visit, moved[:, k], n_visits) for k in (0, 1)], axis=1) / counts[:, None]
     worst = _worst(cell[order][is_new], mean, counts >= settings.visit_points)
-    visits = Visits.gathered(seen, order, visit, cell[order][is_new], counts >= settings.visit_points)
+    visits = CellVisits.gathered(seen, order, visit, cell[order][is_new], counts >= settings.visit_points)
     alone = visits.alone()
     worst[alone] = np.maximum(worst[alone], disagreement_of_touching(visits, alone, settings))
     disagreement = np.zeros(len(cell))
@@ -73,7 +73,7 @@ def judge(seen: Seen, settings: SimulateSettings) -> Truth:
     return Truth(disagreement > settings.disagreement, disagreement, cell)
 
 
-class Visits(NamedTuple):
+class CellVisits(NamedTuple):
     """Visits (k,) of cells: mean place, normal and horizontal displacement by drift, first and last time (seconds).
 
     `counted`: whether the visit has enough points; `planar`: whether its cell is of a planar surface.
@@ -91,12 +91,12 @@ class Visits(NamedTuple):
     @classmethod
     def gathered(
         cls,
-        seen: Seen,
+        seen: Observed,
         order: NDArray[np.intp],
         visit: NDArray[np.int64],
         cell: NDArray[np.int64],
         counted: NDArray[np.bool_],
-    ) -> Visits:
+    ) -> CellVisits:
         """Return the means over each visit; `visit` numbers the points `order` in ascending order."""
         n_visits = len(cell)
         counts = np.maximum(np.bincount(visit, minlength=n_visits), 1)[:, None]
@@ -117,7 +117,7 @@ class Visits(NamedTuple):
         return np.flatnonzero(self.planar & self.counted & (n_counted[self.cell] == 1))
 
 
-def disagreement_of_touching(visits: Visits, some: NDArray[np.intp], settings: SimulateSettings) -> Floats:
+def disagreement_of_touching(visits: CellVisits, some: NDArray[np.intp], settings: SimulateSettings) -> Floats:
     """Return for `some` visits (k,) the largest displacement along their normal from an earlier or later visit near by.
 
     Near by is a parallel cell (within 30 degrees) whose points lie in the mean not farther than a cell and a half. From
@@ -137,7 +137,7 @@ def disagreement_of_touching(visits: Visits, some: NDArray[np.intp], settings: S
     return worst
 
 
-def cells_of(seen: Seen, side: float) -> NDArray[np.int64]:
+def cells_of(seen: Observed, side: float) -> NDArray[np.int64]:
     """Return the cell (n,) of each point: squares of a planar surface, cubes of a thing without planes, else -1.
 
     Cells are numbered from 0 in the order of surfaces, then of things, and of their place.

@@ -11,7 +11,7 @@ from mapq.segmentation import FEWEST_POINTS, cut_points
 from mapq.segmentation.join import Joined, Regions, describe_regions, join_regions
 from mapq.segmentation.parameters import Parameters
 from mapq.segmentation.points import sort_in_frame
-from mapq.tiled.store import Store
+from mapq.tiled.source import WorkFolder
 from mapq.tiled.tiling import Tiling
 
 FAIR_SHARE = 0.5
@@ -27,7 +27,7 @@ class CutTask(NamedTuple):
     """A tile, where its points are, and how it is segmented."""
 
     tile: int
-    store: Store
+    store: WorkFolder
     tiling: Tiling
     halo: float  # metres
     chosen: Parameters
@@ -35,7 +35,7 @@ class CutTask(NamedTuple):
     near: Floats  # (2, 3) box of the map; points beyond it are left out
 
 
-class Cut(NamedTuple):
+class TileRegions(NamedTuple):
     """The regions (r) of a tile by its own points."""
 
     regions: Regions
@@ -68,7 +68,7 @@ class Whole(NamedTuple):
         return self.low.min(axis=0) if len(self.low) else np.zeros(3)
 
 
-def cut_tile(task: CutTask) -> Cut:
+def cut_tile(task: CutTask) -> TileRegions:
     """Segment a tile with its halo, and write its points region after region, and those that other tiles see."""
     store, tile = task.store, task.tile
     own = _inside(store.spooled(tile), task.near)
@@ -93,7 +93,7 @@ def cut_tile(task: CutTask) -> Cut:
     if len(some):
         xyz = own["xyz"][order[: start[-2]]]
         low[some], high[some] = (each.reduceat(xyz, start[some]) for each in (np.minimum, np.maximum))
-    return Cut(regions, low, high, start, len(own), int(np.count_nonzero(copies)), n_looked_at)
+    return TileRegions(regions, low, high, start, len(own), int(np.count_nonzero(copies)), n_looked_at)
 
 
 def _inside(records: NDArray[np.void], near: Floats) -> NDArray[np.void]:
@@ -111,7 +111,7 @@ def _write_border(task: CutTask, records: NDArray[np.void], region: NDArray[np.i
         np.save(stream, np.column_stack([records["number"][rows], region[rows]]))
 
 
-def unite(cuts: list[Cut], store: Store, tiling: Tiling, halo: float, chosen: Parameters) -> Whole:
+def unite(cuts: list[TileRegions], store: WorkFolder, tiling: Tiling, halo: float, chosen: Parameters) -> Whole:
     """Return the patches of all tiles."""
     first = np.cumsum([0, *(len(cut.regions.origin) for cut in cuts)])
     pairs = [np.zeros((0, 2), np.int64)]
@@ -139,7 +139,7 @@ def shared_pairs(mine: Ints, theirs: Ints) -> Ints:
     return np.column_stack([one, other])[fair]
 
 
-def _located(cuts: list[Cut], joined: Joined) -> Whole:
+def _located(cuts: list[TileRegions], joined: Joined) -> Whole:
     """Return the patches with their boxes and the slices of their points."""
     n_patches = len(joined.normal)
     rows, numbers = [], []

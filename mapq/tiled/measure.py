@@ -21,8 +21,7 @@ from mapq.configuration import FeatureSettings
 from mapq.features.compute import measure
 from mapq.features.context import Beyond
 from mapq.features.copies import ABOUT, FARTHEST
-from mapq.features.disagreement import OWNED, WINDOW, window_centres
-from mapq.features.provenance import Known
+from mapq.features.disagreement import OWNED, WINDOW, Known, window_centres
 from mapq.features.shape import curve_places
 from mapq.features.table import PatchFeatures
 from mapq.kernels.voxels import voxel_keys
@@ -31,8 +30,8 @@ from mapq.patches import Patches
 from mapq.results.causes import Cause, Spread, cause_of, copies_of, measure_spread, reach_of
 from mapq.results.visits import Clock, Stays, Visits, to_sensor_of
 from mapq.tiled.cut import Whole
-from mapq.tiled.store import Store
-from mapq.tiled.workers import Workers
+from mapq.tiled.output import Workers
+from mapq.tiled.source import WorkFolder
 
 LOOSE_REACH = 2.0 * FARTHEST
 """Metres from a patch within which points may lie over it, whether they are in a patch or in none."""
@@ -47,10 +46,10 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
-class Part(NamedTuple):
+class PatchGroup(NamedTuple):
     """Some patches (c) of a map whose points are in the work folder."""
 
-    store: Store
+    store: WorkFolder
     number: Ints  # (c,) the patches, ascending
     normal: Floats  # (c, 3)
     centroid: Floats  # (c, 3)
@@ -72,19 +71,21 @@ def _cloud(records: NDArray[np.void]) -> PointCloud:
     return PointCloud(np.ascontiguousarray(records["xyz"]), np.zeros(3), fields)
 
 
-def part_of(whole: Whole, store: Store, number: Ints, step: Ints) -> Part:
+def part_of(whole: Whole, store: WorkFolder, number: Ints, step: Ints) -> PatchGroup:
     """Return patches (c,), of each of which every `step`-th (c,) point is loaded."""
     spans = [np.arange(whole.first[patch], whole.first[patch + 1]) for patch in number.tolist()]
     owner = np.repeat(np.arange(len(number)), [len(span) for span in spans])
     slices = whole.slices[np.concatenate([np.zeros(0, np.int64), *spans])]
     slices[:, 3] = step[owner]
-    return Part(store, number, whole.joined.normal[number], whole.joined.centroid[number], slices, owner, whole.corner)
+    return PatchGroup(
+        store, number, whole.joined.normal[number], whole.joined.centroid[number], slices, owner, whole.corner
+    )
 
 
 class MeasureTask(NamedTuple):
     """Patches that are measured, those that their measures depend on, and how."""
 
-    part: Part
+    part: PatchGroup
     is_own: NDArray[np.bool_]  # (c,) which of them are measured
     # (c,) over which of them all points of no patch are wanted; over the others one of `step`
     is_about: NDArray[np.bool_]
@@ -120,7 +121,7 @@ def _with_loose(patches: Patches, task: MeasureTask) -> Patches:
     return replace(patches, cloud=PointCloud(xyz, cloud.shift, fields), patch=number)
 
 
-def _chunks(store: Store, slices: Ints) -> Iterator[NDArray[np.void]]:
+def _chunks(store: WorkFolder, slices: Ints) -> Iterator[NDArray[np.void]]:
     """Yield the points of slices, some slices of about `CHUNK` points at a time."""
     group = np.cumsum(slices[:, 2] - slices[:, 1]) // CHUNK
     for some in np.split(slices, np.flatnonzero(np.diff(group)) + 1):
@@ -151,7 +152,7 @@ class Measuring:
     """
 
     def __init__(
-        self, whole: Whole, store: Store, boxes: Floats, settings: FeatureSettings, workers: Workers, most: int
+        self, whole: Whole, store: WorkFolder, boxes: Floats, settings: FeatureSettings, workers: Workers, most: int
     ) -> None:
         mse = whole.joined.mse
         if settings.noise is None and len(mse):
@@ -252,7 +253,7 @@ class CauseTask(NamedTuple):
     `value` (k,) is the clock's at all moments of the map.
     """
 
-    part: Part
+    part: PatchGroup
     patches: Ints
     copies: list[list[int]]
     reach: Floats

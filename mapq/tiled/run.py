@@ -16,7 +16,7 @@ from mapq.cloud import PointCloud
 from mapq.configuration import Configuration
 from mapq.crf import classify, explain
 from mapq.features.compute import feature_settings
-from mapq.features.provenance import FIELDS, Span, decide, span_of
+from mapq.features.disagreement import FIELDS, Span, decide, span_of
 from mapq.io.models import read_default_model
 from mapq.io.results import result_cloud
 from mapq.labels import SUSPICIOUS
@@ -30,11 +30,9 @@ from mapq.segmentation.parameters import Parameters, choose_parameters
 from mapq.segmentation.points import FAR, sort_points
 from mapq.tiled.cut import CutTask, Whole, cut_tile, unite
 from mapq.tiled.measure import Measuring
-from mapq.tiled.output import plan_output, write_map
-from mapq.tiled.source import Map, is_tiled, open_map
-from mapq.tiled.store import Store
+from mapq.tiled.output import Workers, open_workers, plan_output, write_map
+from mapq.tiled.source import Map, WorkFolder, is_tiled, open_map
 from mapq.tiled.tiling import HALO_IN_GAPS, HALO_IN_SPACING, Counts, Tiling, cells_of, keys_of, make_tiling
-from mapq.tiled.workers import Workers, open_workers
 from prf.shell.cli.files import work_folder
 from prf.shell.cli.progress import Report, progress
 from prf.shell.errors import InputError
@@ -124,7 +122,7 @@ class Job:
         self._known, self._clock = decide(spans), visits.clock_of(spans)
         used = dict.fromkeys((*self._known.fields, *(self._clock.fields if self._clock is not None else ())))
         self._quarter = counted.plan.quarter()
-        self._store = Store(self._folder, tuple(used))
+        self._store = WorkFolder(self._folder, tuple(used))
         self.tiling = make_tiling(counted.counts.turned(self._quarter), self._settings.tiles.tile_points)
         guess = self._estimate(self._sort(counted.columns.turned(self._quarter)))
         halo = max(HALO_IN_GAPS * guess.chosen.max_gap, HALO_IN_SPACING * guess.chosen.spacing)

@@ -9,7 +9,7 @@ import pytest
 from mapq.configuration import TrainSettings
 from mapq.crf import classify, max_margin
 from mapq.crf.cross_validation import MARGIN_STRENGTHS, train
-from mapq.crf.max_margin import BIAS_PRECISION, GAP, MarginFit, Part, fit_margin, make_part, solve_quadratic
+from mapq.crf.max_margin import BIAS_PRECISION, GAP, MapPart, MarginFit, fit_margin, make_part, solve_quadratic
 from mapq.crf.train import Strength, TrainingMap, margin_weights, precisions, prepare, signs
 from mapq.labels import UNLABELLED
 from mapq.model import EDGE_MODELS, NONE, SYMMETRIC, Model, parameter_names
@@ -69,7 +69,7 @@ def test_a_part_scores_labels_as_the_definition_does_with_0_for_no_label(edge_mo
 
 
 def test_pairs_without_weights_of_a_coupling_have_none():
-    part = Part(
+    part = MapPart(
         np.array([[1.0], [-1.0]]), np.array([[0, 1]]), np.array([0.5]), np.ones(1), np.array([1.0, 1.0]), np.zeros(2)
     )
     assert part.worst(np.array([0.25])).tolist() == [1.0, -1.0]
@@ -116,7 +116,7 @@ def test_no_weights_are_better_than_the_bound_says(edge_model, seed):
 
 def lone_part(features, cost):
     """One suspicious patch."""
-    return Part(
+    return MapPart(
         np.array([features]), np.empty((0, 2), np.int64), np.empty(0), np.empty(0), np.ones(1), np.array([cost])
     )
 
@@ -157,7 +157,9 @@ def test_the_optimum_is_the_same_in_other_units():
     for _ in range(2):
         y = np.where(rng.random(25) < 0.4, 1.0, -1.0)
         unary = np.column_stack([np.ones(25), rng.normal(size=25) + 0.5 * y])
-        parts.append(Part(unary, np.empty((0, 2), np.int64), np.empty(0), np.empty(0), y, np.where(y > 0.0, 1.5, 0.7)))
+        parts.append(
+            MapPart(unary, np.empty((0, 2), np.int64), np.empty(0), np.empty(0), y, np.where(y > 0.0, 1.5, 0.7))
+        )
     found = fit_margin(parts, NONE, np.array([0.0, 0.1]))
     parts = [part._replace(unary=part.unary * [1.0, unit]) for part in parts]
     other = fit_margin(parts, NONE, np.array([0.0, 0.1 * unit**2]))

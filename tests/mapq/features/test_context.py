@@ -14,8 +14,8 @@ from mapq.configuration import CONTEXTS, FeatureSettings
 from mapq.features import measure_shapes, patch_features
 from mapq.features.context import EDGE_COLUMNS, NODE_COLUMNS
 from mapq.features.copies import COLUMNS, FARTHEST, copy_columns, nearby_points
+from mapq.features.disagreement import known_of, moments_of
 from mapq.features.pairs import EDGE_NAMES
-from mapq.features.provenance import known_of, moments_of
 from mapq.features.shape import NODE_NAMES, PatchShapes
 from mapq.kernels.copies import layers_over
 from mapq.labels import NO_PATCH

@@ -10,8 +10,15 @@ import pytest
 from mapq.cloud import PointCloud
 from mapq.features import measure_shapes, patch_features
 from mapq.features.copies import nearby_points
-from mapq.features.disagreement import Disagreement, expected_range, joined, measure_disagreement
-from mapq.features.provenance import known_of, moments_of, ways_of
+from mapq.features.disagreement import (
+    Disagreement,
+    expected_range,
+    joined,
+    known_of,
+    measure_disagreement,
+    moments_of,
+    ways_of,
+)
 from mapq.kernels.scan_motions import fit_motions, ranges_of_cells
 from mapq.patches import Patches
 from tests.mapq.factories import Rectangle, make_patches, moved, shuffled, turn, wall

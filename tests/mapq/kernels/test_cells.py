@@ -11,9 +11,8 @@ from mapq.kernels.cells import LEVELS, find_bounds, first_levels, number_cells, 
 from mapq.kernels.growing import pair_rms
 from mapq.kernels.normals import estimate_normals, robust_normals, trimmed_residuals
 from mapq.kernels.order_statistics import quantiles
-from mapq.segmentation.points import sort_points
+from mapq.segmentation.points import neighbours_of, pooled_noise, sort_points, usual_noise
 from mapq.segmentation.regions import fit, merge
-from mapq.segmentation.sample import neighbours_of, pooled_noise, usual_noise
 from tests.reference.mapq_segment import nearest, plane_of, wall
 
 RNG = np.random.default_rng(7)

@@ -12,7 +12,7 @@ from mapq.results.compare import compare as compare_maps
 from mapq.results.compare import comparison_content
 from mapq.results.evaluate import area_under_curve, calibration_error, reliability, score_labels
 from mapq.results.judged import judge, read_judged
-from mapq.results.regions import find_regions
+from mapq.results.reasons import find_regions
 from mapq.results.result import assess
 from prf.shell.cli.storage import dump_object
 from prf.shell.errors import InputError, UsageError

@@ -10,13 +10,13 @@ from mapq.kernels.raycast import NOTHING, cast_beams
 from mapq.simulate.robot import Trajectory
 from mapq.simulate.scene import Kind, SceneBuilder, World
 from mapq.simulate.street import add_traffic
-from mapq.simulate.truth import Seen, judge
+from mapq.simulate.truth import Observed, judge
 from tests.reference import mapq_raycast as reference
 
 SETTINGS = SimulateSettings(disagreement=0.2, cell=1.0, visit_gap=25.0, visit_points=3)
 
 
-def seen(visits: list[tuple[float, tuple[float, float], int]], surface: int = 0, normal=(0.0, 1.0, 0.0)) -> Seen:  # type: ignore[no-untyped-def]
+def seen(visits: list[tuple[float, tuple[float, float], int]], surface: int = 0, normal=(0.0, 1.0, 0.0)) -> Observed:  # type: ignore[no-untyped-def]
     """Return points of one cell of a wall along x: each visit has a time, a displacement and a number of points."""
     time = np.concatenate([t + 0.1 * np.arange(n) for t, _, n in visits])
     moved = np.concatenate([np.tile(m, (n, 1)) for _, m, n in visits]).astype(float)
@@ -24,10 +24,10 @@ def seen(visits: list[tuple[float, tuple[float, float], int]], surface: int = 0,
     hits = np.column_stack([np.linspace(0.2, 0.8, n), np.zeros(n), np.full(n, 0.5)])
     surfaces = np.full(n, surface, np.int32)
     things = np.where(surfaces < 0, 7, -1).astype(np.int32)
-    return Seen(hits, moved, time, surfaces, things, np.tile(normal, (n, 1)))
+    return Observed(hits, moved, time, surfaces, things, np.tile(normal, (n, 1)))
 
 
-def suspicious(points: Seen) -> list[bool]:
+def suspicious(points: Observed) -> list[bool]:
     return judge(points, SETTINGS).suspicious.tolist()
 
 
@@ -78,11 +78,11 @@ def test_cells_are_apart_and_what_moves_has_none() -> None:
     assert (truth.cell == -1).all()
 
 
-def joined(*parts: Seen) -> Seen:
-    return Seen(*(np.concatenate(values) for values in zip(*parts, strict=True)))
+def joined(*parts: Observed) -> Observed:
+    return Observed(*(np.concatenate(values) for values in zip(*parts, strict=True)))
 
 
-def beside(part: Seen, to: tuple[float, float, float], surface: int, normal=(0.0, 1.0, 0.0)) -> Seen:  # type: ignore[no-untyped-def]
+def beside(part: Observed, to: tuple[float, float, float], surface: int, normal=(0.0, 1.0, 0.0)) -> Observed:  # type: ignore[no-untyped-def]
     """Return the points on another surface, shifted by `to`."""
     n = len(part.time)
     return part._replace(
@@ -135,12 +135,14 @@ class TestSeenOnce:
         hits = rng.uniform(0, 6, (400, 3)) * (1.0, 0.0, 1.0)
         normal = np.tile((0.0, 1.0, 0.0), (400, 1))
         moved = np.tile((0.7, -0.4), (400, 1))
-        truth = judge(Seen(hits, moved, time, np.zeros(400, np.int32), np.full(400, -1, np.int32), normal), SETTINGS)
+        truth = judge(
+            Observed(hits, moved, time, np.zeros(400, np.int32), np.full(400, -1, np.int32), normal), SETTINGS
+        )
         assert truth.disagreement.max() < 1e-12
 
 
 def test_no_points_at_all() -> None:
-    none = Seen(*(values[:0] for values in PANE))
+    none = Observed(*(values[:0] for values in PANE))
     assert len(judge(none, SETTINGS).suspicious) == 0
 
 
@@ -150,7 +152,7 @@ def test_the_order_of_the_points_and_the_direction_of_the_wall_do_not_matter(tur
     points = seen([(0.0, (0.0, 0.0), 3), (60.0, tuple(0.25 * normal), 3)], normal=(*normal, 0.0))
     points = points._replace(hits=np.zeros((6, 3)))
     order = np.random.default_rng(1).permutation(6)
-    mixed = Seen(*(values[order] for values in points))
+    mixed = Observed(*(values[order] for values in points))
     assert all(suspicious(points))
     np.testing.assert_allclose(judge(mixed, SETTINGS).disagreement, judge(points, SETTINGS).disagreement[order])
 

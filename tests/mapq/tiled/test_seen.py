@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 from mapq.axes import turn, turn_cloud
 from mapq.cloud import PointCloud
 from mapq.configuration import AS_IT_IS, SIZES, Configuration, SimulateSettings, TileSettings
-from mapq.features.provenance import Known, Span, decide, known_of
+from mapq.features.disagreement import Known, Span, decide, known_of
 from mapq.io import read_cloud, write_cloud
 from mapq.model import Model
 from mapq.results.result import Result, assess

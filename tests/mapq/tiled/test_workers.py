@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from mapq.tiled.workers import open_workers
+from mapq.tiled.output import open_workers
 from prf.shell.errors import InputError
 
 
@@ -53,7 +53,7 @@ def test_no_scheduler_is_an_error_in_one_line(monkeypatch):
 
 LEADER = """
 import sys
-from mapq.tiled.workers import open_workers
+from mapq.tiled.output import open_workers
 from tests.mapq.tiled.test_workers import say_and_sleep
 
 if __name__ == "__main__":
