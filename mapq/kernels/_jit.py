@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from prf.shell.jit.cache import KernelCache
-from prf.shell.jit.parts import part_options, share_integers
+from prf.shell.jit.parts import PartCompiler, share_integers
 
 FLAGS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "cache": True, "no_cfunc_wrapper": True}
 """``nogil`` lets tiles run in threads; ``numpy`` errors make a division by zero give inf, not raise inside a loop.
@@ -45,6 +45,6 @@ def jit(function: _Function) -> _Function:
 
 def part(function: _Function) -> _Function:
     """Compile a part of a kernel: inlined or called by entries only, without a cache file of its own."""
-    flags = {**FLAGS, "cache": False, "no_cpython_wrapper": True, **part_options()}
+    flags = {**FLAGS, "cache": False, "no_cpython_wrapper": True, "pipeline_class": PartCompiler}
     compiled: _Function = numba.njit(**flags)(function)
     return share_integers(compiled)

@@ -10,7 +10,7 @@ import numba
 import numpy as np
 
 from prf.shell.jit.cache import KernelCache
-from prf.shell.jit.parts import loop_options, part_options, share_integers
+from prf.shell.jit.parts import LoopCompiler, PartCompiler, share_integers
 
 FLAGS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "cache": True, "no_cfunc_wrapper": True}
 """``nogil`` lets chains run in threads; ``numpy`` errors make a division by zero give inf, not raise inside a chain.
@@ -27,7 +27,7 @@ One that changes its meaning crashes or leaks in a kernel that allocates: `pytho
 tests/kernels/test_jit_cache.py show both.
 """
 
-PART_FLAGS: dict[str, Any] = {**CORE_FLAGS, "no_cpython_wrapper": True, "cache": False, **part_options()}
+PART_FLAGS: dict[str, Any] = {**CORE_FLAGS, "no_cpython_wrapper": True, "cache": False, "pipeline_class": PartCompiler}
 """Flags of the sampler's kernels that only other kernels call."""
 
 Array = np.ndarray
@@ -49,7 +49,7 @@ def jit(function: _Function) -> _Function:
 def loop(function: _Function) -> _Function:
     """Compile the loop of the sampler's steps: as :func:`jit`, and optimised twice."""
     with CACHE.own():
-        compiled: _Function = numba.njit(**FLAGS, **loop_options())(function)
+        compiled: _Function = numba.njit(**FLAGS, pipeline_class=LoopCompiler)(function)
     return share_integers(compiled)
 
 

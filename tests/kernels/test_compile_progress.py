@@ -1,4 +1,4 @@
-"""What is said of compiling, and the code of parts: compiled once, linked into what calls them, or as numba does it."""
+"""What is shown of compiling, and the code of parts: compiled once, linked into what calls them."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from typing import Any
 import numba
 import numpy as np
 import pytest
-from numba.core import codegen, event
+from numba.core import event
 
 from prf.shell.jit.cache import KernelCache
-from prf.shell.jit.parts import part_options, share_integers
+from prf.shell.jit.parts import PartCompiler, share_integers
 
 FLAGS: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 SOURCE = """
@@ -31,35 +31,28 @@ def entry(values, few):
 ARGUMENTS = np.array([2.5, 0.0]), np.array([3], np.int32)
 
 
-def make_kernels(options: dict[str, Any]) -> tuple[Any, Any]:
+def make_kernels() -> tuple[Any, Any]:
     """Return a kernel with two levels of parts, and the lowest part, which is called with integers of three kinds."""
     njit: Any = numba.njit
     names = {
         "__name__": "toy.kernels.sums",
         "njit": njit,
-        "part": lambda function: share_integers(njit(**FLAGS, **options)(function)),
+        "part": lambda function: share_integers(njit(**FLAGS, pipeline_class=PartCompiler)(function)),
     }
     exec(SOURCE, names)
     return names["entry"], names["lowest"]
 
 
 def test_parts_are_compiled_once_for_integers_of_all_kinds() -> None:
-    entry, lowest = make_kernels(part_options())
-    assert part_options()
+    entry, lowest = make_kernels()
     assert entry(*ARGUMENTS) == 2.5 + 3 + 1 + 2
     assert len(lowest.signatures) == 1
-
-
-def test_a_numba_without_the_hooks_compiles_the_plain_way(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delattr(codegen, "JITCodeLibrary")
-    assert part_options() == {}
-    assert make_kernels(part_options())[0](*ARGUMENTS) == 2.5 + 3 + 1 + 2
 
 
 def test_kernels_are_counted_while_they_are_compiled(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    entry, _ = make_kernels(part_options())
+    entry, _ = make_kernels()
     monkeypatch.setenv("TOY_CACHE_DIR", str(tmp_path))
     cache = KernelCache("toy", tmp_path, {})
     with caplog.at_level(logging.INFO):

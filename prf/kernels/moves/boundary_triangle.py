@@ -5,7 +5,6 @@ import math
 from prf.kernels import constants as c
 from prf.kernels._jit import Array, Rng, core
 from prf.kernels.moves import placing
-from prf.kernels.moves.interior_triangle import uniform_vertex, vertex_near
 from prf.kernels.state import proposal as edit
 from prf.kernels.state.graph import Graph, distance, edges_at, neighbors_of, pick
 from prf.kernels.state.proposal import ILLEGAL, Densities, Proposal
@@ -48,11 +47,11 @@ def propose_birth(graph: Graph, proposal: Proposal, tuning: Array, rng: Rng) -> 
     x, y = placing.side_point(window, side, second)
     v = edit.add_vertex(graph, proposal, x, y, side)
     if is_local:
-        apex = vertex_near(graph, proposal, u, tuning[c.BIRTH_REACH], rng)
+        apex = placing.vertex_near(graph, proposal, u, tuning[c.BIRTH_REACH], rng)
         if not placing.is_in_window(graph, apex):
             return ILLEGAL
     else:
-        apex = uniform_vertex(graph, proposal, rng)
+        apex = placing.uniform_vertex(graph, proposal, rng)
     edit.turn_round(graph, proposal, (u, apex, v))
     edit.add_edge(graph, proposal, u, apex)
     edit.add_edge(graph, proposal, apex, v)

@@ -100,34 +100,15 @@ def birth_density(graph: Graph, targets: Targets, tuning: Array, u: int, v: int,
 
 
 @core
-def uniform_vertex(graph: Graph, proposal: Proposal, rng: Rng) -> int:
-    """New vertex, uniform in the window."""
-    window = graph.window
-    x = window[0] + rng.random() * (window[2] - window[0])
-    y = window[1] + rng.random() * (window[3] - window[1])
-    return edit.add_vertex(graph, proposal, x, y, c.INTERIOR)
-
-
-@core
-def vertex_near(graph: Graph, proposal: Proposal, u: int, median: float, rng: Rng) -> int:
-    """New vertex near u, perhaps outside the window."""
-    r = placing.random_reach(rng, median)
-    direction = 2.0 * math.pi * rng.random()
-    x = graph.vertex_xy[u, 0] + r * math.cos(direction)
-    y = graph.vertex_xy[u, 1] + r * math.sin(direction)
-    return edit.add_vertex(graph, proposal, x, y, c.INTERIOR)
-
-
-@core
 def draw_free(graph: Graph, proposal: Proposal, tuning: Array, rng: Rng) -> tuple[int, int, int]:
     """Three uniform vertices, or two round a uniform first."""
     is_local = rng.random() < tuning[c.LOCAL_SHARE]
-    u = uniform_vertex(graph, proposal, rng)
+    u = placing.uniform_vertex(graph, proposal, rng)
     if is_local:
-        v = vertex_near(graph, proposal, u, tuning[c.BIRTH_REACH], rng)
-        return u, v, vertex_near(graph, proposal, u, tuning[c.BIRTH_REACH], rng)
-    v = uniform_vertex(graph, proposal, rng)
-    return u, v, uniform_vertex(graph, proposal, rng)
+        v = placing.vertex_near(graph, proposal, u, tuning[c.BIRTH_REACH], rng)
+        return u, v, placing.vertex_near(graph, proposal, u, tuning[c.BIRTH_REACH], rng)
+    v = placing.uniform_vertex(graph, proposal, rng)
+    return u, v, placing.uniform_vertex(graph, proposal, rng)
 
 
 @core
@@ -139,8 +120,8 @@ def draw_aimed(graph: Graph, targets: Targets, proposal: Proposal, tuning: Array
     x, y = point_in(targets, target, rng)
     u = edit.add_vertex(graph, proposal, x, y, c.INTERIOR)
     if is_post:
-        v = vertex_near(graph, proposal, u, median, rng)
-        return u, v, vertex_near(graph, proposal, u, median, rng)
+        v = placing.vertex_near(graph, proposal, u, median, rng)
+        return u, v, placing.vertex_near(graph, proposal, u, median, rng)
     x, y = point_in(targets, pick_near(targets, target, rng), rng)
     v = edit.add_vertex(graph, proposal, x, y, c.INTERIOR)
     x, y = placing.beside(graph.vertex_xy[u], graph.vertex_xy[v], median, rng)

@@ -213,3 +213,22 @@ def place_two(
     s = place_at_offset(graph, proposal, a, b, foot_s, signed_reach(rng, near))
     t = place_at_offset(graph, proposal, a, b, foot_t, signed_reach(rng, near))
     return is_in_window(graph, s) and is_in_window(graph, t)
+
+
+@core
+def uniform_vertex(graph: Graph, proposal: Proposal, rng: Rng) -> int:
+    """New vertex, uniform in the window."""
+    window = graph.window
+    x = window[0] + rng.random() * (window[2] - window[0])
+    y = window[1] + rng.random() * (window[3] - window[1])
+    return add_vertex(graph, proposal, x, y, c.INTERIOR)
+
+
+@core
+def vertex_near(graph: Graph, proposal: Proposal, u: int, median: float, rng: Rng) -> int:
+    """New vertex near u, perhaps outside the window."""
+    r = random_reach(rng, median)
+    direction = 2.0 * math.pi * rng.random()
+    x = graph.vertex_xy[u, 0] + r * math.cos(direction)
+    y = graph.vertex_xy[u, 1] + r * math.sin(direction)
+    return add_vertex(graph, proposal, x, y, c.INTERIOR)

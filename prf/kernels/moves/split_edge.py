@@ -8,7 +8,7 @@ import math
 
 from prf.kernels import constants as c
 from prf.kernels._jit import Array, Rng, core
-from prf.kernels.moves.notch import aim_at_wall, share_of_new
+from prf.kernels.moves.aiming import aim_at_wall, share_of_new
 from prf.kernels.moves.placing import beside, beside_density, is_inside, log_or_minus_infinity
 from prf.kernels.state import proposal as edit
 from prf.kernels.state.edge_index import EdgeIndex

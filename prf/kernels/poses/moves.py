@@ -40,7 +40,7 @@ def first_free(poses: Poses) -> int:
 @core
 def decide(chain: Chain, poses: Poses, low: int, high: int, log_ratio: float, rng: Rng) -> bool:
     """Accept or reject the new poses `low` to `high`; `log_ratio` is the log of the ratio of proposal densities."""
-    if high - low + 1 > 0 and poses.precision[0] == 0.0 and low == 0:
+    if low < first_free(poses):
         return False
     graph, index = chain.graph, chain.edge_index
     for i in range(low, high + 1):
