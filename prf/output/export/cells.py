@@ -33,11 +33,7 @@ SEAM = 1e-6  # metres by which known ground is enlarged: parts of it that touch 
 
 
 class Raster(NamedTuple):
-<<<<<<< HEAD
     """Probabilities on square cells, whatever they are from."""
-=======
-    """Probabilities on square cells."""
->>>>>>> d1ccc7b0 (Gather what aimed moves share, and halve the hook into numba)
 
     probability: NDArray[Any]  # (ny, nx) of being occupied; row 0 has the lowest y; nan where nothing is known
     origin: NDArray[np.float64]  # (2,) lower left corner of cell (0, 0) in metres

@@ -32,20 +32,15 @@ class ColorChoice(StrEnum):
 
 
 @dataclass
-<<<<<<< HEAD
 class Settings:
     """How much to show and how, by the flags of this command."""
-=======
-class ConsoleSettings:
-    """How much to say and how, as the flags of this command have it."""
->>>>>>> d1ccc7b0 (Gather what aimed moves share, and halve the hook into numba)
 
     verbosity: int = 0  # -1 errors only (-q), 0 notes and warnings, 1 details (-v), 2 also tracebacks (-vv)
     color: ColorChoice = ColorChoice.auto
     progress: bool = True
 
 
-settings = ConsoleSettings()
+settings = Settings()
 """Of this process; set by :mod:`prf.shell.cli.app`."""
 
 

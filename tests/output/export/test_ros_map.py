@@ -12,12 +12,7 @@ from prf.model.coloring import black_at
 from prf.model.layout import image_grid, pixel_centres
 from prf.model.window import Window
 from prf.output.export import Options, export_source
-<<<<<<< HEAD
 from prf.output.export.cells import Raster, cells_of, pgm_bytes, ros_map
-=======
-from prf.output.export.cells import Raster, cells_of
-from prf.output.export.ros_map import pgm_bytes, ros_map
->>>>>>> d1ccc7b0 (Gather what aimed moves share, and halve the hook into numba)
 from prf.output.export.source import read_source
 from prf.output.run import read_run
 from prf.results import write_run
