@@ -61,7 +61,7 @@ ADAPTATIONS = tuple(20_000 * 2**k for k in range(6))
 
 
 class LadderPlan(NamedTuple):
-    """The temperature ladder of each chain; :class:`prf.configuration.Sampler` checks it."""
+    """The temperature ladder of each chain; :class:`prf.configuration.ChainOptions` checks it."""
 
     temperatures: int = 1  # the cold one among them; 1: no ladder
     lowest: float | None = None  # inverse temperature; 0: exact draws of the prior; None: half of all swaps accepted
