@@ -22,6 +22,7 @@ from mapq.patches import Patches
 from mapq.results.evaluate import Scores, score_labels
 from prf.shell.cli.progress import Report
 from prf.shell.cli.provenance import describe_input, describe_process
+from prf.shell.errors import require
 
 N_REGIONS = 20
 """About the number of regions into which labelled patches are cut for cross-validation."""
@@ -44,6 +45,10 @@ def train_maps(
     every file is a PATCHES file, and there are labels of both kinds.
     """
     settings, features = settings or TrainSettings(), features or FeatureSettings()
+    if settings.potential == "trees":
+        require("sklearn", "train", "training of trees")
+    if settings.objective == "max-margin":
+        require("clarabel", "train", "objective max-margin")
     maps = []
     for number, source in enumerate(sources):
         maps.append(source if isinstance(source, Patches) else read_patches(source))

@@ -9,6 +9,7 @@ scikit-learn grows them, this package evaluates them.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -140,12 +141,22 @@ def grow(columns: Sequence[Columns], labels: Sequence[Floats], weights: Sequence
     # machine takes longer than the work.
     with threadpool_limits(1):
         booster.fit(x, y, sample_weight=weight)
-    trees = _trees_of([stage[0].nodes for stage in booster._predictors])
-    found = Potential(names, trees, float(np.ravel(booster._baseline_prediction)[0]))
+    parts, base = tables_of(booster)
+    trees = _trees_of(parts)
+    found = Potential(names, trees, base)
     log_odds = found.base + contributions(trees, np.ascontiguousarray(x)).sum(axis=1)
     if not np.allclose(log_odds, booster.decision_function(x), rtol=SAME, atol=SAME):
         raise RuntimeError("this scikit-learn keeps its trees in another form than mapq reads")
     return found
+
+
+def tables_of(booster: Any) -> tuple[list[NDArray[np.void]], float]:
+    """Return the tables of nodes of scikit-learn's trees, and the log-odds to which they are added.
+
+    Both are private, as scikit-learn has no public form of them: the extra `train` bounds its version, and
+    :func:`grow` compares what it reads with scikit-learn's own answers.
+    """
+    return [stage[0].nodes for stage in booster._predictors], float(np.ravel(booster._baseline_prediction)[0])
 
 
 def _trees_of(parts: Sequence[NDArray[np.void]]) -> Trees:

@@ -36,15 +36,12 @@ JOBS = (
     f"mapq segment {TOWN} -o town.patches",
     "mapq features town.patches --csv",
     "mapq label town.patches --from-field truth",
-    "mapq train town.patches -o model.json",
     "mapq classify town.patches -o town.ply",
-    "mapq classify town.patches --model model.json -o own.ply",
     "mapq evaluate town.ply --truth-field truth",
     "mapq render town.ply -o town.png",
     "mapq report town.ply -o town.html",
-    "mapq inspect model.json",
 )
-"""Reading, sampling, segmenting, classifying, training and pictures: what the core must do without any extra."""
+"""Reading, sampling, segmenting, classifying and pictures: what the core must do without any extra."""
 
 
 class Missing(NamedTuple):
@@ -62,6 +59,7 @@ MISSING = (
     Missing("mapq inspect empty.e57", 3, "e57"),
     Missing("mapq inspect empty.las", 3, "las"),
     Missing("mapq classify town.patches -o own.laz", 2, "las"),
+    Missing("mapq train town.patches -o model.json", 2, "train"),
 )
 
 
