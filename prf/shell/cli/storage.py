@@ -90,7 +90,7 @@ def check_schema(path: Path, found: str, expected: str) -> None:
         raise InputError(f"{path}: has no schema, expected {expected}: a file that {tool} wrote.")
     if found.startswith(f"{kind}/"):
         raise OtherVersion(
-            f"{path}: version {found.rpartition('/')[2]} of {kind} is unknown to this release, which reads version "
+            f"{path}: version {found.rpartition('/')[2]} of {kind} is not known to this release, which reads version "
             f"{version}. Use the release that wrote it.",
             found,
         )
