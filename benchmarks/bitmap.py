@@ -15,7 +15,9 @@ from __future__ import annotations
 import argparse
 import json
 import time
+from collections import deque
 from collections.abc import Iterable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -32,8 +34,8 @@ from prf.model.points import window_round
 from prf.model.sensors import PointModel
 from prf.model.window import Window
 from prf.results import PosteriorImage
-from prf.sampler import Sampler
-from prf.sampler.posterior import PointData, Settings
+from prf.sampler import Ensemble, StopRule, drive
+from prf.sampler.target import Execution, Target, point_data
 from prf.shell.cli.provenance import spawn_generators
 
 SIZE = 96
@@ -94,15 +96,14 @@ def by_ising(noisy: Bits, coupling: float, diagonal: bool) -> Bits:
 
 def by_maps(noisy: Bits, seed: int, scale: float, steps: int, threads: int) -> tuple[PosteriorImage, Coloring, float]:
     """Return the mean of the posterior over polygonal maps, its best draw, and the worst R-hat."""
-    model = PointModel(kind="binary", flip_probability=FLIPS)
-    data = PointData.from_arrays(centres(), noisy.ravel().astype(float), model)
-    settings = Settings(window_round(data.table.xy), scale, points=data, resolution=1.0)
-    with Sampler(settings, spawn_generators(seed, CHAINS), threads) as sampler:
-        while sampler.step < steps:
-            sampler.advance()
-        rhat = max(found.rhat for found in sampler.diagnose().values() if found.state != "constant")
-        mean, squares = sampler.occupancy()
-        best = sampler.best()
+    data = point_data(centres(), noisy.ravel().astype(float), PointModel(kind="binary", flip_probability=FLIPS))
+    target = Target(window_round(data.readings.xy), scale, points=data, execution=Execution(resolution=1.0))
+    ensemble = Ensemble(target, spawn_generators(seed, CHAINS))
+    with ThreadPoolExecutor(threads) as pool:
+        deque(drive(ensemble, StopRule(steps), pool.map), maxlen=0)
+    rhat = max(found.rhat for found in ensemble.diagnose().values() if found.state != "constant")
+    mean, squares = ensemble.occupancy()
+    best = ensemble.best()
     assert best is not None
     return PosteriorImage(mean, squares, np.zeros(2), 1.0, np.ones_like(mean, np.bool_)), best.coloring, rhat
 

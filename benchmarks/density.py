@@ -31,8 +31,9 @@ from prf.kernels.state.chain import Chain
 from prf.model.coloring import Coloring
 from prf.model.layout import make_sites, read_coloring
 from prf.readings import Readings, read_readings, thin
-from prf.sampler.posterior import Settings, make_chain
 from prf.sampler.prepare import prepare
+from prf.sampler.state import make_chain
+from prf.sampler.target import Target
 
 LOG = "freiburg-079"
 HELD_OUT = "50::100"
@@ -64,15 +65,15 @@ class Log:
     window: tuple[float, float, float, float]
     max_range: float
 
-    def settings(self, size: str, density: float | None) -> tuple[Settings, int]:
+    def target(self, size: str, density: float | None) -> tuple[Target, int]:
         """Return what is sampled from in a case, without its image, and how many beams there were to choose from."""
         chosen = thin(self.readings, skip_scans=HELD_OUT, **SIZES[size])
         flags = {"scale": worlds.SCALE, "window": self.window, "max_range": self.max_range, **commands.LASER}
         config = Configuration.of(**flags, **({} if density is None else {"beam_density": density}))
         prepared = prepare(config, chosen)
-        assert prepared.settings.laser is not None
-        n = prepared.settings.laser.readings.n_beams + prepared.n_beams_thinned
-        return dataclasses.replace(prepared.settings, resolution=None), n
+        assert prepared.target.laser is not None
+        n = prepared.target.laser.readings.n_beams + prepared.n_beams_thinned
+        return prepared.target.with_execution(resolution=None), n
 
 
 def open_log(path: Path) -> Log:
@@ -86,17 +87,17 @@ def open_log(path: Path) -> Log:
 
 def common_map(log: Log, steps: int, seed: int) -> Coloring:
     """Return the map from which every case starts: burnt in on thinned beams, every sensor of the log in white."""
-    settings, _ = log.settings("1.7M", None)
-    chain = worlds.start(settings)
+    target, _ = log.target("1.7M", None)
+    chain = worlds.start(target)
     sensors = np.unique(log.readings.origin, axis=0)
     chain = chain._replace(sensors=make_sites(chain.edge_index.grid, sensors))
     return read_coloring(worlds.advance(chain, np.random.default_rng(seed), steps).graph)
 
 
-def settled(settings: Settings, coloring: Coloring, steps: int, seed: int) -> tuple[Chain, np.random.Generator]:
+def settled(target: Target, coloring: Coloring, steps: int, seed: int) -> tuple[Chain, np.random.Generator]:
     """Return a chain of a case at equilibrium, and its generator."""
     rng = np.random.default_rng(seed)
-    chain = worlds.advance(make_chain(settings, coloring), rng, steps)
+    chain = worlds.advance(make_chain(target, coloring), rng, steps)
     recompute_sums(chain)
     return chain, rng
 
@@ -169,16 +170,16 @@ def measure(log: Log, options: argparse.Namespace) -> list[dict[str, Any]]:
     """Run all cases."""
     say(f"burning in a common map: {options.burn_in} steps")
     coloring = common_map(log, options.burn_in, options.seed)
-    sparsest, _ = log.settings("5k", 0.0)
+    sparsest, _ = log.target("5k", 0.0)
     sparse = settled(sparsest, coloring, options.settle, options.seed)
     rows = []
     for way, density in WAYS.items():
         for size in options.sizes:
             say(f"{size}, {way}")
-            settings, n = log.settings(size, density)
-            assert settings.laser is not None
-            row: dict[str, Any] = {"size": size, "way": way, "beams": n, "used": settings.laser.readings.n_beams}
-            row |= speed(settled(settings, coloring, options.settle, options.seed), sparse, STEPS)
+            target, n = log.target(size, density)
+            assert target.laser is not None
+            row: dict[str, Any] = {"size": size, "way": way, "beams": n, "used": target.laser.readings.n_beams}
+            row |= speed(settled(target, coloring, options.settle, options.seed), sparse, STEPS)
             folder = options.output / "density" / f"{size}-{way.replace(' ', '-')}"
             row["run"] = sampled(log, size, density, folder, options) if options.seconds > 0.0 else None
             rows.append(row)

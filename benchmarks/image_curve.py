@@ -6,15 +6,18 @@ given it. It uses nothing of the other benchmarks.
 
 from __future__ import annotations
 
+import math
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
 
 from prf.configuration import Configuration
 from prf.readings import read_readings
-from prf.sampler.chains import Sampler
+from prf.sampler.driver import StopRule, drive
+from prf.sampler.ensemble import Ensemble
 from prf.sampler.prepare import prepare
 from prf.shell.cli.provenance import spawn_generators
 
@@ -29,17 +32,19 @@ def seconds_now() -> float:
 def main(log: Path, output: Path, times: list[float], seed: int, chains: int) -> None:
     """Sample for as long as the last of `times` (seconds on two cores) and store the image of each."""
     prepared = prepare(Configuration.of(), read_readings(str(log)))
-    with Sampler(prepared.settings, spawn_generators(seed, chains), THREADS) as sampler:
-        sampler.compile()
-        start = seconds_now()
-        sampler.find_starts(lambda: False)
-        images, steps, taken = [], [], []
-        for goal in times:
-            while seconds_now() - start < goal:
-                sampler.advance()
-            images.append(sampler.occupancy()[0])
-            steps.append(sampler.step)
-            taken.append(seconds_now() - start)
+    ensemble = Ensemble(prepared.target, spawn_generators(seed, chains), threads=THREADS)
+    ensemble.compile()
+    start = seconds_now()
+    images, steps = [], []
+    taken: list[float] = []
+    with ThreadPoolExecutor(THREADS) as pool:
+        for _ in drive(ensemble, StopRule(limit=math.inf), pool.map):
+            while len(taken) < len(times) and seconds_now() - start >= times[len(taken)]:
+                images.append(ensemble.occupancy()[0])
+                steps.append(ensemble.step)
+                taken.append(seconds_now() - start)
+            if len(taken) == len(times):
+                break
     np.savez(output, images=np.array(images), steps=steps, seconds=taken)
 
 

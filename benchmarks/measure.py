@@ -18,8 +18,8 @@ from prf.kernels.state.build import recompute_sums
 from prf.kernels.state.chain import Chain
 from prf.kernels.step import run
 from prf.model.layout import read_coloring
-from prf.sampler.chain import ChainSampler
-from prf.sampler.posterior import Settings
+from prf.sampler.chain import ChainRun
+from prf.sampler.target import Target
 
 STEPS_TOGETHER = 60_000
 """Steps from each snapshot of the loops that are nearly alike."""
@@ -36,10 +36,10 @@ STAGES = (
 APPLICATION = "application"
 
 
-def burnt_in(settings: Settings, n_steps: int, seed: int) -> tuple[Chain, np.random.Generator]:
+def burnt_in(target: Target, n_steps: int, seed: int) -> tuple[Chain, np.random.Generator]:
     """Return a chain run from the empty map, and its generator."""
     rng = np.random.default_rng(seed)
-    return worlds.advance(worlds.start(settings), rng, n_steps), rng
+    return worlds.advance(worlds.start(target), rng, n_steps), rng
 
 
 def outcomes_by_move(outcomes: np.ndarray) -> dict[str, dict[str, float]]:
@@ -80,10 +80,10 @@ def equilibrium(chain: Chain, rng: np.random.Generator, n_steps: int, n_rounds: 
     }
 
 
-def with_recording(bare: Chain, settings: Settings, n_blocks: int) -> dict[str, float]:
+def with_recording(bare: Chain, target: Target, n_blocks: int) -> dict[str, float]:
     """Return the speed of a chain as `prf sample` drives it (image, draws, fresh sums) relative to its bare kernel."""
     coloring = read_coloring(bare.graph)
-    sampler = ChainSampler(settings, np.random.default_rng(1), np.zeros(1, np.int64), coloring)
+    sampler = ChainRun(target, np.random.default_rng(1), np.zeros(1, np.int64), coloring)
     rng = np.random.default_rng(1)
     sampler.advance()
     seconds = np.zeros(2)

@@ -20,7 +20,9 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import time
+from collections import deque
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -38,9 +40,9 @@ from prf.output.pictures.posterior import draw_beams, draw_impacts
 from prf.readings import Readings
 from prf.results import PosteriorImage
 from prf.results.convergence import Diagnosis, verdict
-from prf.sampler import Sampler
-from prf.sampler.chains import Sample
-from prf.sampler.posterior import LaserData, Settings
+from prf.sampler import Ensemble, StopRule, drive
+from prf.sampler.ensemble import Sample
+from prf.sampler.target import Execution, LaserData, Target, laser_data
 from prf.sampler.tempering import LadderPlan
 from prf.shell.cli import pictures as style
 from prf.shell.cli.provenance import spawn_generators
@@ -99,7 +101,7 @@ def both_passes() -> LaserData:
     origin = np.repeat(PLACES[:, :2], SCANNER.beams, axis=0)
     impact = origin + distance.reshape(-1, 1) * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     reading[(np.abs(impact[:, 0]) < FACE - 1e-6) & (np.abs(impact[:, 1]) > HALF_WIDTH - 1e-6)] = 0.0
-    return LaserData.from_arrays(
+    return laser_data(
         np.concatenate([origin, origin * [-1.0, 1.0]]),
         np.concatenate([angle, np.pi - angle]),
         np.concatenate([reading, reading]),
@@ -107,14 +109,12 @@ def both_passes() -> LaserData:
     )
 
 
-def posterior() -> Settings:
+def posterior() -> Target:
     """Return the posterior of the log; error codes are no readings."""
     data = both_passes()
     kept = data.readings.range > 0.0
-    laser = LaserData.from_arrays(
-        data.readings.origin[kept], data.readings.angle[kept], data.readings.range[kept], data.model
-    )
-    return Settings(WINDOW, SCALE, laser, resolution=0.05)
+    laser = laser_data(data.readings.origin[kept], data.readings.angle[kept], data.readings.range[kept], data.model)
+    return Target(WINDOW, SCALE, laser, execution=Execution(resolution=0.05))
 
 
 def write_log(path: str) -> None:
@@ -147,21 +147,19 @@ def changes(reading: NDArray[np.int64]) -> int:
 def sampled(temperatures: int, steps: int, seed: int, chains: int = CHAINS) -> Result:
     """Return what chains say after so many steps each, shared out to their temperatures, from draws of the prior."""
     generators = spawn_generators(seed, chains)
-    with Sampler(posterior(), generators, 1, plan=LadderPlan(temperatures), starts_from="prior") as sampler:
-        sampler.compile()
-        start = time.process_time()
-        sampler.find_starts(lambda: False)
-        while sampler.step * temperatures < steps:
-            sampler.advance()
-        ran = {
-            "temperatures": temperatures,
-            "seed": seed,
-            "steps": sampler.step,
-            "cpu_seconds": time.process_time() - start,
-        }
-        sample = sampler.sample()
-        trips = [report.round_trips for report in sampler.swaps()]
-        return Result(sample, ran | agreement(sampler.diagnose()) | shares(sample) | {"round_trips": trips})
+    ensemble = Ensemble(posterior(), generators, LadderPlan(temperatures), starts_from="prior")
+    ensemble.compile()
+    start = time.process_time()
+    deque(drive(ensemble, StopRule(math.ceil(steps / temperatures))), maxlen=0)
+    ran = {
+        "temperatures": temperatures,
+        "seed": seed,
+        "steps": ensemble.step,
+        "cpu_seconds": time.process_time() - start,
+    }
+    sample = ensemble.sample()
+    trips = [report["round_trips"] for report in ensemble.swaps()]
+    return Result(sample, ran | agreement(ensemble.diagnose()) | shares(sample) | {"round_trips": trips})
 
 
 def agreement(diagnoses: dict[str, Diagnosis]) -> dict[str, Any]:

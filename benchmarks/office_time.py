@@ -24,7 +24,7 @@ from scipy.spatial import cKDTree
 
 from benchmarks import commands, worlds
 from prf.model.layout import image_grid, pixel_centres
-from prf.sampler.posterior import LaserData
+from prf.sampler.target import LaserData
 from prf.shell.cli import pictures
 
 NEAR = 0.5
@@ -49,12 +49,12 @@ def beam_points(laser: LaserData) -> Floats:
 
 def near_beams() -> NDArray[np.bool_]:
     """Return which pixels (ny * nx,) of the office's image lie within half a metre of a beam."""
-    settings = worlds.settings_of(worlds.OFFICE, image=True)
-    assert settings.laser is not None
-    assert settings.resolution is not None
-    centres = pixel_centres(image_grid(settings.window, settings.resolution))
-    distance, _ = cKDTree(beam_points(settings.laser)).query(centres, distance_upper_bound=2.0 * NEAR)
-    near: NDArray[np.bool_] = (distance <= NEAR) & settings.window.contains(centres)
+    target = worlds.target_of(worlds.OFFICE, image=True)
+    assert target.laser is not None
+    assert target.execution.resolution is not None
+    centres = pixel_centres(image_grid(target.window, target.execution.resolution))
+    distance, _ = cKDTree(beam_points(target.laser)).query(centres, distance_upper_bound=2.0 * NEAR)
+    near: NDArray[np.bool_] = (distance <= NEAR) & target.window.contains(centres)
     return near
 
 

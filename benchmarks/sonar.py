@@ -10,10 +10,10 @@ met, or for the minutes given. How far the image is from settled is also shown b
 
 from __future__ import annotations
 
-import dataclasses
 import math
 import os
 import statistics
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -37,9 +37,9 @@ from prf.output.run import read_run
 from prf.readings import read_readings
 from prf.results.estimate import occupied_probability
 from prf.sampler.driver import StopRule, drive
-from prf.sampler.posterior import Settings
 from prf.sampler.prepare import prepare, read_prepared
 from prf.sampler.session import Session
+from prf.sampler.target import Target
 
 READINGS = 29_120
 QUICK_READINGS = 4_800
@@ -80,17 +80,17 @@ def decide(chain: Chain, rng: np.random.Generator, n: int, from_scratch: bool, c
     return valid
 
 
-def settings_of(log: Path) -> Settings:
+def target_of(log: Path) -> Target:
     """Return what `prf sample --sonar LOG` samples from, without its image."""
     prepared = prepare(Configuration.of(), None, read_readings(str(log), kind="sonar"))
-    return dataclasses.replace(prepared.settings, resolution=None)
+    return prepared.target.with_execution(resolution=None)
 
 
 def rates(log: Path, seed: int, burn_in: int) -> dict[str, Any]:
     """Return steps per second of the sampler's loop, and its ratio to deciding from scratch."""
-    settings = settings_of(log)
+    target = target_of(log)
     rng = np.random.default_rng(seed)
-    chain = worlds.start(settings)
+    chain = worlds.start(target)
     chain = worlds.advance(chain, rng, burn_in)
     spent = []
     for _ in range(5):
@@ -127,8 +127,11 @@ def sampled(log: Path, folder: Path, seconds: float, seed: int, threads: int) ->
     """Sample until the stop rule is met, or for `seconds`; return how it ended."""
     prepared = read_prepared(None, Configuration.of(), str(log))
     session = Session.start([str(log)], prepared, folder, seed, threads or os.cpu_count() or 1)
-    with session.sampler:
-        run = drive(session, StopRule(limit=seconds), lambda _: None, lambda: False)
+    session.open()
+    with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
+        for found in drive(session.ensemble, StopRule(limit=seconds), pool.map):
+            session.progress = found
+    run = session.finish()
     end = run.progress
     assert run.diagnostics is not None
     assert end is not None

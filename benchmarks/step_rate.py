@@ -41,28 +41,28 @@ def machine() -> dict[str, str]:
 def large_map(seed: int) -> tuple[str, Any, np.random.Generator]:
     """Return a chain on a map of more than 500 edges: a real building's posterior, or the prior where it is absent."""
     if worlds.BUILDING.exists():
-        chain, rng = measure.burnt_in(worlds.settings_of(worlds.BUILDING, every_scan=10), LARGE_BURN_IN, seed)
+        chain, rng = measure.burnt_in(worlds.target_of(worlds.BUILDING, every_scan=10), LARGE_BURN_IN, seed)
         return f"{worlds.BUILDING.name}, every 10th scan", chain, rng
-    settings, coloring = worlds.prior_settings()
+    target, coloring = worlds.prior_settings()
     source = "the prior alone (no log of a large building here)"
-    return source, worlds.start(settings, coloring), np.random.default_rng(seed)
+    return source, worlds.start(target, coloring), np.random.default_rng(seed)
 
 
 def measure_all(seed: int) -> dict[str, Any]:
     """Run everything."""
-    settings = worlds.settings_of(worlds.OFFICE)
-    assert settings.laser is not None
+    target = worlds.target_of(worlds.OFFICE)
+    assert target.laser is not None
     say(f"burning in: {BURN_IN} steps")
-    chain, rng = measure.burnt_in(settings, BURN_IN, seed)
+    chain, rng = measure.burnt_in(target, BURN_IN, seed)
     say("speed after burn-in")
     result: dict[str, Any] = {
         "schema": "prf.benchmark.step_rate/1",
         "machine": machine(),
         "seed": seed,
-        "scale": settings.scale,
-        "window": list(settings.window),
-        "cell": settings.cell_size(),
-        "n_beams": settings.laser.readings.n_beams,
+        "scale": target.scale,
+        "window": list(target.window),
+        "cell": target.cell_size(),
+        "n_beams": target.laser.readings.n_beams,
         "burn_in": BURN_IN,
         "equilibrium": measure.equilibrium(chain, rng, STEPS),
     }
@@ -74,7 +74,7 @@ def measure_all(seed: int) -> dict[str, Any]:
     say("stages")
     result["stages"] = measure.stages(starts, 20_000)
     say("image and draws")
-    image = worlds.settings_of(worlds.OFFICE, image=True)
+    image = worlds.target_of(worlds.OFFICE, image=True)
     result["with_recording"] = measure.with_recording(worlds.copy(starts[-1]), image, 60)
     say("moves on a large map")
     source, large, large_rng = large_map(seed)

@@ -28,11 +28,11 @@ from prf.kernels.state.build import recompute_sums
 from prf.kernels.step import run
 from prf.model.layout import grow
 from prf.output.run import read_run
-from prf.sampler.posterior import Settings, make_chain, one_colour_map
 from prf.sampler.prepare import read_prepared
-from prf.sampler.tiles.partition import PLAIN_SHARE, narrowest, round_length
-from prf.sampler.tiles.rounds import make_round, make_tile_data
-from prf.sampler.tiles.tiled import finish_round, work_tile
+from prf.sampler.state import make_chain
+from prf.sampler.target import Target, one_colour_map
+from prf.sampler.tiles.rounds import PLAIN_SHARE, make_round, make_tile_data, narrowest, round_length
+from prf.sampler.tiles.schedule import finish_round, work_tile
 
 NAME = "infinite-corridor"
 SECONDS = 600.0
@@ -57,15 +57,15 @@ def span(costs: list[float], threads: int) -> float:
     return max(free)
 
 
-def shares(settings: Settings, n_rounds: int, seed: int) -> dict[str, float]:
+def shares(target: Target, n_rounds: int, seed: int) -> dict[str, float]:
     """CPU seconds of the parts of a round, tile by tile, beside as many steps of a chain without tiles."""
-    chain, data = make_chain(settings, one_colour_map(settings)), make_tile_data(settings)
+    chain, data = make_chain(target, one_colour_map(target)), make_tile_data(target)
     rng = np.random.default_rng(seed)
-    length = round_length(settings)
-    least, steps = narrowest(settings.window, settings.tiles), length - round(PLAIN_SHARE * length)
+    length = round_length(target)
+    least, steps = narrowest(target.window, target.execution.tiles), length - round(PLAIN_SHARE * length)
     rows = []
     for number in range(BURN_IN_ROUNDS + n_rounds):
-        begun, begin = cpu(make_round, data, chain, settings.tiles, least, steps, rng)
+        begun, begin = cpu(make_round, data, chain, target.execution.tiles, least, steps, rng)
         worked = [cpu(work_tile, data, begun, k) for k in range(len(begun.tiles))]
         chain, end = cpu(finish_round, data, chain, begun, [result for result, _ in worked])
         chain, plain = cpu(stepped, chain, rng, length - begun.steps * len(begun.tiles))
@@ -77,7 +77,7 @@ def shares(settings: Settings, n_rounds: int, seed: int) -> dict[str, float]:
     whole = begin + tiles + end + plain
     return {
         "steps of a round": length,
-        "tiles": settings.tiles,
+        "tiles": target.execution.tiles,
         "begin, CPU s": begin,
         "tiles, CPU s": tiles,
         "end, CPU s": end,
@@ -158,8 +158,8 @@ def main() -> None:
     result: dict[str, Any] = {}
     if "shares" in options.parts:
         config = Configuration.of(skip_scans=HELD_OUT, chains=1, **commands.LASER)
-        settings = read_prepared(str(log), config).settings
-        result["shares"] = shares(settings, 1 if options.quick else ROUNDS, options.seed)
+        target = read_prepared(str(log), config).target
+        result["shares"] = shares(target, 1 if options.quick else ROUNDS, options.seed)
     if "speed" in options.parts:
         result["speed"] = speed(log, folder, steps, options.seed)
     if "map" in options.parts:

@@ -20,8 +20,9 @@ from prf.model.coloring import Coloring
 from prf.model.layout import grow
 from prf.model.window import Window
 from prf.readings import read_readings, thin
-from prf.sampler.posterior import Settings, make_chain
 from prf.sampler.prepare import prepare
+from prf.sampler.state import make_chain
+from prf.sampler.target import Target
 
 ROOT = Path(__file__).resolve().parents[1]
 OFFICE = ROOT / "data" / "demo-office.log.gz"
@@ -56,23 +57,25 @@ MOVES = {
 Loop = Callable[[Chain, np.random.Generator, int], bool]
 
 
-def settings_of(log: Path, every_scan: int = 1, image: bool = False, **changes: Any) -> Settings:
+def target_of(log: Path, every_scan: int = 1, image: bool = False, **changes: Any) -> Target:
     """Return what `prf sample --laser LOG` samples from, with or without its image, but for `changes`."""
     readings = thin(read_readings(str(log)), every_scan=every_scan)
-    settings = prepare(Configuration.of(scale=SCALE), readings).settings
-    return dataclasses.replace(settings, resolution=settings.resolution if image else None, **changes)
+    target = prepare(Configuration.of(scale=SCALE), readings).target
+    return dataclasses.replace(target, **changes).with_execution(
+        resolution=target.execution.resolution if image else None
+    )
 
 
-def prior_settings() -> tuple[Settings, Coloring]:
+def prior_settings() -> tuple[Target, Coloring]:
     """Return a bare prior and a map of some 630 edges drawn from it: a stand-in for the large building."""
     window = Window(0.0, 0.0, 100.0, 100.0)
-    settings = Settings(window, SCALE)
-    return settings, exact_draws(SCALE, window, 1, np.random.default_rng(1))[0]
+    target = Target(window, SCALE)
+    return target, exact_draws(SCALE, window, 1, np.random.default_rng(1))[0]
 
 
-def start(settings: Settings, coloring: Coloring | None = None) -> Chain:
+def start(target: Target, coloring: Coloring | None = None) -> Chain:
     """Return a chain at `coloring`, or at the empty map."""
-    return make_chain(settings, Coloring.empty(settings.window) if coloring is None else coloring)
+    return make_chain(target, Coloring.empty(target.window) if coloring is None else coloring)
 
 
 def advance(chain: Chain, rng: np.random.Generator, n_steps: int, loop: Loop = run) -> Chain:

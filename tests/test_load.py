@@ -15,8 +15,7 @@ import numpy as np
 import pytest
 
 import prf.sampler.chain
-import prf.sampler.driver
-import prf.sampler.record
+import prf.sampler.session
 from mapq.report.findings import read_findings
 from mapq.report.page import write_report
 from prf.configuration import Configuration
@@ -41,12 +40,12 @@ FLAT = 0.1
 def shorten(monkeypatch: pytest.MonkeyPatch, block: int, most_draws: int, seconds: float) -> None:
     """Make rounds, draws and checkpoints follow each other quickly."""
     places: tuple[tuple[Any, str, Any], ...] = (
-        (prf.sampler.record, "FIRST_THIN", THIN),
-        (prf.sampler.record, "FIRST_EPOCH", THIN),
-        (prf.sampler.record, "MOST_DRAWS", most_draws),
+        (prf.sampler.chain, "FIRST_THIN", THIN),
+        (prf.sampler.chain, "FIRST_EPOCH", THIN),
+        (prf.sampler.chain, "MOST_DRAWS", most_draws),
         (prf.sampler.chain, "SHORTEST_BLOCK", block),
         (prf.sampler.chain, "LONGEST_BLOCK", block),
-        (prf.sampler.driver, "CHECKPOINT_SECONDS", seconds),
+        (prf.sampler.session, "CHECKPOINT_SECONDS", seconds),
     )
     for module, name, value in places:
         monkeypatch.setattr(module, name, value)
@@ -56,8 +55,13 @@ def sample(n_rounds: int, block: int, folder: Path, look: Callable[[Any], None])
     """Sample the demo office in so many rounds; call `look` with the chains after each."""
     config = Configuration.of(chains=CHAINS, every_scan=10, every_beam=10, resolution=0.5, start="empty")
     session = Session.start([LOG], read_prepared(LOG, config), folder, 1, 1)
-    with session.sampler:
-        drive(session, StopRule(steps=n_rounds * block), lambda _: look(session.sampler), lambda: False)
+    session.open()
+    for found in drive(session.ensemble, StopRule(steps=n_rounds * block)):
+        session.progress = found
+        look(session.ensemble)
+        if found.status == "running":
+            session.write_if_due()
+    session.finish()
 
 
 def test_draws_are_capped_by_doubling_their_spacing(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -124,8 +128,8 @@ def test_memory_of_annealing_stays_flat_and_a_leak_is_seen(
 ) -> None:
     shorten(monkeypatch, 100, 8, math.inf)
     look = memory(leak)
-    settings = read_prepared(LOG, Configuration.of(every_scan=10, every_beam=10)).settings
-    anneal(settings, spawn_generators(1, CHAINS), StopRule(steps=300_000), on_progress=look)
+    target = read_prepared(LOG, Configuration.of(every_scan=10, every_beam=10)).target
+    anneal(target, spawn_generators(1, CHAINS), StopRule(steps=300_000), on_progress=look)
     assert (growth(look.notes) > FLAT) == bool(leak)
 
 

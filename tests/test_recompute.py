@@ -24,8 +24,18 @@ from prf.model.layout import grow, make_targets, read_coloring
 from prf.model.sensors import LaserModel
 from prf.model.window import Window
 from prf.readings.ground import STRAIGHT
-from prf.sampler.posterior import LaserData, Settings, SonarData, make_chain, one_colour_map, return_points
 from prf.sampler.prepare import read_prepared
+from prf.sampler.state import make_chain
+from prf.sampler.target import (
+    Execution,
+    LaserData,
+    Target,
+    Tuning,
+    laser_data,
+    one_colour_map,
+    return_points,
+    sonar_data,
+)
 from tests.reference.beams import Sensor
 from tests.reference.chain_state import structural_faults
 from tests.reference.recompute import differences
@@ -68,14 +78,14 @@ def world_of(seed: int) -> World:
     return draw_world(0.3, ROOM, NEAR, 3, 40, np.random.default_rng(seed))
 
 
-def world_settings(seed: int, cell: float | None = 1.0) -> Settings:
+def world_target(seed: int, cell: float | None = 1.0) -> Target:
     """Cells larger than those a chain would choose: the twins then cost a tenth."""
-    return Settings(ROOM, 0.3, world_of(seed).data, resolution=0.5, cell=cell)
+    return Target(ROOM, 0.3, world_of(seed).data, execution=Execution(resolution=0.5, cell=cell))
 
 
 def world_chain(seed: int, at_truth: bool, cell: float | None = 1.0) -> Chain:
     start = world_of(seed).coloring if at_truth else Coloring.empty(ROOM)
-    return make_chain(world_settings(seed, cell), start)
+    return make_chain(world_target(seed, cell), start)
 
 
 def sonar_chain(
@@ -89,13 +99,15 @@ def sonar_chain(
     laser = world.data if with_laser else None
     start = world.coloring if at_truth else Coloring.empty(ROOM)
     values = observe(world.coloring, Normal(), lattice(9, 0.0, 10.0), rng) if with_points else None
-    return make_chain(Settings(ROOM, 0.5, laser, resolution=0.5, cell=cell, sonar=sonar, points=values), start)
+    return make_chain(
+        Target(ROOM, 0.5, laser, sonar=sonar, points=values, execution=Execution(resolution=0.5, cell=cell)), start
+    )
 
 
 def test_twins_agree_from_a_draw_of_the_prior() -> None:
     """No readings: the moves that recolour much are accepted far more often here than under a likelihood."""
     start = exact_draws(0.25, ROOM, 1, np.random.default_rng(0))[0]
-    chain = make_chain(Settings(ROOM, 0.25, resolution=0.5, cell=1.0), start)
+    chain = make_chain(Target(ROOM, 0.25, execution=Execution(resolution=0.5, cell=1.0)), start)
     _, n_accepted = follow(chain, np.random.default_rng(0), 1500)
     assert n_accepted > 300
 
@@ -109,8 +121,8 @@ def test_twins_agree_on_readings(at_truth: bool) -> None:
 
 
 def test_twins_agree_on_readings_evaluated_by_levels() -> None:
-    settings = dataclasses.replace(world_settings(1), levels=3)
-    chain, n_accepted = follow(make_chain(settings, Coloring.empty(ROOM)), np.random.default_rng(1), 1500)
+    target = world_target(1).with_execution(levels=3)
+    chain, n_accepted = follow(make_chain(target, Coloring.empty(ROOM)), np.random.default_rng(1), 1500)
     assert n_accepted > 100
     assert np.unique(chain.beams.level).tolist() == [0, 1, 2]
 
@@ -126,9 +138,9 @@ def soften(chain: Chain, power: float, cost: float) -> Chain:
 )
 def test_twins_agree_when_sensors_may_be_in_black(power: float, share: float) -> None:
     """From a draw of the prior, where they do."""
-    settings = dataclasses.replace(world_settings(1), aimed_share=0.0)
+    target = dataclasses.replace(world_target(1), tuning=Tuning(aimed_share=0.0))
     start = exact_draws(0.3, ROOM, 1, np.random.default_rng(8))[0]
-    chain = soften(make_chain(settings, start), power, 2.0)
+    chain = soften(make_chain(target, start), power, 2.0)
     assert chain.graph.counts[c.OCCUPIED] > 0
     occupied, rng, n_accepted = set(), np.random.default_rng(2), 0
     for now in states(chain, rng, round(share * 6000)):
@@ -154,10 +166,10 @@ def on_the_way(chain: Chain, radius: float = RADIUS + STRAIGHT) -> int:
 @pytest.mark.parametrize("with_laser", [False, True], ids=["prior", "laser"])
 def test_twins_agree_when_edges_may_come_near_the_way(with_laser: bool, cell: float, share: float) -> None:
     """From a draw of the prior, where they do; sensors may stand in black, too."""
-    settings = dataclasses.replace(world_settings(1, cell), aimed_share=0.0, way=WAY, driven_radius=RADIUS)
-    settings = settings if with_laser else dataclasses.replace(settings, laser=None)
+    target = dataclasses.replace(world_target(1, cell), way=WAY, driven_radius=RADIUS, tuning=Tuning(aimed_share=0.0))
+    target = target if with_laser else dataclasses.replace(target, laser=None)
     start = exact_draws(0.4, ROOM, 1, np.random.default_rng(2))[0]
-    chain = soften(make_chain(settings, start), 0.1, 1.0)
+    chain = soften(make_chain(target, start), 0.1, 1.0)
     assert 0 < on_the_way(chain) <= chain.graph.counts[c.OCCUPIED]
     seen, rng, n_accepted = set(), np.random.default_rng(3), 0
     for now in states(chain, rng, round(share * (2000 if cell == 1.0 else 1500))):
@@ -173,8 +185,8 @@ def test_twins_agree_when_edges_may_come_near_the_way(with_laser: bool, cell: fl
 
 @pytest.mark.slow
 def test_no_edge_is_near_a_way_that_must_be_free() -> None:
-    settings = dataclasses.replace(world_settings(1), way=WAY, driven_radius=RADIUS)
-    chain, rng, nearest = make_chain(settings, Coloring.empty(ROOM)), np.random.default_rng(4), 0
+    target = dataclasses.replace(world_target(1), way=WAY, driven_radius=RADIUS)
+    chain, rng, nearest = make_chain(target, Coloring.empty(ROOM)), np.random.default_rng(4), 0
     for now in states(chain, rng, 3000):
         assert differences(now) == []
         assert on_the_way(now) == 0
@@ -185,8 +197,8 @@ def test_no_edge_is_near_a_way_that_must_be_free() -> None:
 
 def test_an_edge_on_the_way_is_seen() -> None:
     """The negative control of both: the twin does not ask the guards' lists."""
-    settings = dataclasses.replace(world_settings(1), way=WAY, driven_radius=RADIUS)
-    chain = make_chain(settings, Coloring.empty(ROOM))
+    target = dataclasses.replace(world_target(1), way=WAY, driven_radius=RADIUS)
+    chain = make_chain(target, Coloring.empty(ROOM))
     lists = chain.guards.lists.copy()
     lists[1:] = 0
     chain = soften(chain._replace(guards=chain.guards._replace(lists=lists)), 0.1, 0.0)
@@ -199,10 +211,10 @@ def test_an_edge_on_the_way_is_seen() -> None:
 def test_without_power_readings_decide_nothing() -> None:
     """The maps are those of a chain without readings, to the last bit."""
     start = exact_draws(0.3, ROOM, 1, np.random.default_rng(9))[0]
-    with_readings = dataclasses.replace(world_settings(1), aimed_share=0.0)
+    with_readings = dataclasses.replace(world_target(1), tuning=Tuning(aimed_share=0.0))
     maps = []
-    for settings in (with_readings, dataclasses.replace(with_readings, laser=None)):
-        chain, rng = soften(make_chain(settings, start), 0.0, 5.0), np.random.default_rng(9)
+    for target in (with_readings, dataclasses.replace(with_readings, laser=None)):
+        chain, rng = soften(make_chain(target, start), 0.0, 5.0), np.random.default_rng(9)
         while not run(chain, rng, 20_000):
             chain = grow(chain)
         maps.append(read_coloring(chain.graph))
@@ -275,8 +287,8 @@ def test_twins_agree_on_sonar_on_borders_of_cells_and_beside_the_border_of_the_w
     turn = np.tile(np.arange(8) * np.pi / 4, len(places))
     readings = np.random.default_rng(14).uniform(0.3, 5.0, len(turn))
     cone = np.full(len(turn), np.pi / 4)
-    data = SonarData.from_arrays(np.repeat(places, 8, axis=0), turn, cone, readings, world.data.model)
-    chain = make_chain(Settings(ROOM, 0.3, cell=0.5, sonar=data), Coloring.empty(ROOM))
+    data = sonar_data(np.repeat(places, 8, axis=0), turn, cone, readings, world.data.model)
+    chain = make_chain(Target(ROOM, 0.3, sonar=data, execution=Execution(cell=0.5)), Coloring.empty(ROOM))
     _, n_accepted = follow(chain, np.random.default_rng(14), 1000)
     assert n_accepted > 50
 
@@ -291,8 +303,8 @@ def test_twins_agree_on_points(law: Normal | Flips, places: str) -> None:
     world = draw_world(0.3, ROOM, NEAR, 3, 40, rng)
     data = observe(world.coloring, law, PLACES[places], rng)
     for laser in (None, world.data):
-        settings = Settings(ROOM, 0.3, laser, resolution=0.5, cell=1.0, points=data)
-        chain, n_accepted = follow(make_chain(settings, one_colour_map(settings)), rng, 2000)
+        target = Target(ROOM, 0.3, laser, points=data, execution=Execution(resolution=0.5, cell=1.0))
+        chain, n_accepted = follow(make_chain(target, one_colour_map(target)), rng, 2000)
         assert n_accepted > 40
         assert 0.0 < chain.points.column[points.BLACK].mean() < 1.0
 
@@ -314,7 +326,7 @@ def rays_from(places: np.ndarray, n_beams: int, seed: int) -> LaserData:
     origin, angle = np.repeat(places, n_beams, axis=0), np.tile(np.arange(n_beams) * 2.0 * np.pi / n_beams, len(places))
     readings = np.random.default_rng(seed).uniform(0.2, 4.0, len(angle))
     readings[::7] = np.inf
-    return LaserData.from_arrays(origin, angle, readings, LaserModel(6.0))
+    return laser_data(origin, angle, readings, LaserModel(6.0))
 
 
 @pytest.mark.parametrize("cell", [0.5, 1.0])
@@ -322,7 +334,7 @@ def test_twins_agree_for_sensors_on_round_places_and_on_borders_of_cells(cell: f
     grid = make_grid(*ROOM, cell)
     corners = np.array([[grid.x0 + 4 * cell, grid.y0 + 7 * cell], [grid.x0 + 5 * cell, 3.3]])
     data = rays_from(np.concatenate([corners, [[5.0, 5.0], [2.5, 8.0], [7.0, 2.0]]]), 16, 6)
-    chain = make_chain(Settings(ROOM, 0.3, data, resolution=0.5, cell=cell), Coloring.empty(ROOM))
+    chain = make_chain(Target(ROOM, 0.3, data, execution=Execution(resolution=0.5, cell=cell)), Coloring.empty(ROOM))
     _, n_accepted = follow(chain, np.random.default_rng(6), 1100)
     assert n_accepted > 100
 
@@ -336,7 +348,7 @@ def test_twins_agree_for_sensors_on_the_border_of_the_window(tmp_path: Path) -> 
     table = tmp_path / "border.csv"
     np.savetxt(table, columns, delimiter=",", header="x,y,theta,range", comments="", fmt="%.17g")
     prepared = read_prepared(str(table), Configuration.of(scale=0.3, window=(*ROOM,), max_range=6.0, resolution=0.5))
-    chain = make_chain(dataclasses.replace(prepared.settings, cell=1.0), Coloring.empty(ROOM))
+    chain = make_chain(prepared.target.with_execution(cell=1.0), Coloring.empty(ROOM))
     rng = np.random.default_rng(7)
     for step in range(20, 20_001, 20):
         while not run(chain, rng, step):
@@ -363,11 +375,13 @@ def test_twins_agree_when_walls_are_changed(moves: list[int], is_driven: bool, w
     """
     data = rays_from(np.array([[2.0, 2.0], [7.0, 5.0], [4.0, 8.0]]), 16, 8)
     blunt = dataclasses.replace(data, model=LaserModel(6.0, noise=2.0, outlier_probability=0.9))
-    settings = Settings(ROOM, 0.4, blunt, resolution=0.5, cell=1.0, cut_reach=0.1, join_reach=0.3)
+    target = Target(
+        ROOM, 0.4, blunt, tuning=Tuning(cut_reach=0.1, join_reach=0.3), execution=Execution(resolution=0.5, cell=1.0)
+    )
     if is_driven:
-        settings = dataclasses.replace(settings, way=WAY, driven_radius=RADIUS)
-    chain = soften(make_chain(settings, Coloring.empty(ROOM)), 1.0, 0.5 if is_driven else np.inf)
-    chain = chain._replace(targets=make_targets(ROOM, 0.5, return_points(settings)))
+        target = dataclasses.replace(target, way=WAY, driven_radius=RADIUS)
+    chain = soften(make_chain(target, Coloring.empty(ROOM)), 1.0, 0.5 if is_driven else np.inf)
+    chain = chain._replace(targets=make_targets(ROOM, 0.5, return_points(target)))
     chain.move_probabilities[:] *= 0.4 / (chain.move_probabilities.sum() - chain.move_probabilities[moves].sum())
     chain.move_probabilities[moves] = 0.3
     rng, seen = np.random.default_rng(8), np.zeros(2, np.int64)
@@ -391,7 +405,7 @@ def test_twins_agree_when_walls_are_changed(moves: list[int], is_driven: bool, w
 def test_twins_agree_after_every_accepted_step_of_a_long_run(data_dir: Path) -> None:
     """100,000 steps on the demo log, every 3rd scan and 6th beam, the image followed."""
     window, data = office(data_dir, 3, 6)
-    chain = make_chain(Settings(window, 0.1, data, resolution=1.0, cell=1.0), Coloring.empty(window))
+    chain = make_chain(Target(window, 0.1, data, execution=Execution(resolution=1.0, cell=1.0)), Coloring.empty(window))
     chain, n_accepted = follow(chain, np.random.default_rng(4), 100_000)
     print(
         f"{n_accepted} accepted steps, {len(data.readings.angle)} beams, {chain.graph.counts[c.EDGES]} edges at the end"

@@ -28,8 +28,9 @@ from prf.model.coloring import Coloring, Draws, black_areas, black_at
 from prf.model.window import Window
 from prf.results import write_run
 from prf.results.score.scene import features_seen, scene_of_coloring
-from prf.sampler.posterior import Settings, make_chain
-from prf.sampler.tiles.tiled import small_round
+from prf.sampler.state import make_chain
+from prf.sampler.target import Execution, Target
+from prf.sampler.tiles.schedule import small_round
 from prf.shell.cli.run import run_app
 from tests.factories import make_run
 from tests.reference.recompute import recompute_impacts
@@ -68,7 +69,7 @@ def run_commands(commands: tuple[str, ...]) -> None:
 def call_with_chain() -> None:
     """Call what no verb calls, on a chain: a round of tiles, which verbs begin only after many steps."""
     coloring = exact_draws(1.0, Window(0.0, 0.0, 1.0, 1.0), 1, np.random.default_rng(1))[0]
-    recompute_impacts(make_chain(Settings(coloring.window, 1.0, resolution=0.2), coloring))
+    recompute_impacts(make_chain(Target(coloring.window, 1.0, execution=Execution(resolution=0.2)), coloring))
     small_round()
 
 

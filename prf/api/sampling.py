@@ -11,6 +11,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Literal
 
+from prf import __version__
 from prf.api.science import (
     Given,
     Sensor,
@@ -22,6 +23,7 @@ from prf.api.science import (
 )
 from prf.configuration import Configuration, Prior, Start, named_sources
 from prf.output.run import Run
+from prf.results import Progress
 from prf.results.convergence import verdict
 from prf.results.write import is_unfinished
 from prf.sampler.driver import StopRule, drive
@@ -33,6 +35,7 @@ from prf.shell.cli.provenance import resolve_seed
 from prf.shell.cli.settings import Loaded
 from prf.shell.cli.signals import graceful_stop
 from prf.shell.errors import ArgumentError
+from prf.shell.scheduler import open_pool
 
 logger = logging.getLogger(__name__)
 
@@ -65,6 +68,7 @@ def sample(
     lowest_inverse_temperature: float | None = None,
     tiles: int | None = None,
     threads: int = 0,
+    scheduler: str | None = None,
     progress: bool | ProgressCallback = True,
     watch: Watch | None = None,
     on_interrupt: OnInterrupt = "return",
@@ -110,6 +114,8 @@ def sample(
         Sample the poses with the map: the given ones are odometry of this kind, whose errors add up along the way.
     resolution, start, temperatures, lowest_inverse_temperature, tiles, threads
         As the options of `prf sample`; tiles: 0 for none, None to choose; threads: 0 for one a core.
+    scheduler : str, optional
+        Address of a Dask scheduler, whose workers advance the chains instead of threads (docs/large-jobs.md).
     progress : bool or callable
         Show a bar, in notebooks too. A callable is given the share that is done, and a mapping of words beside it.
     watch : callable, optional
@@ -156,7 +162,14 @@ def sample(
         prepared.announce()
         files = with_poses(paths_of(sources), loaded.settings)
         session = Session.start(files, prepared, folder, used_seed, _threads(threads), named_sources(loaded))
-        return _run(session, rule, progress, watch, on_interrupt)
+        with (
+            _supervised(session, progress, watch, on_interrupt) as (stop_requested, after_round),
+            open_pool(_threads(threads), scheduler, "prf", _version) as workers,
+        ):
+            for found in drive(session.ensemble, rule, workers, stop_requested, session.seconds_to_finish):
+                if after_round(found):
+                    break
+            return session.finish()
 
 
 def resume(
@@ -165,6 +178,7 @@ def resume(
     steps: int | None = None,
     seconds: float | None = None,
     threads: int = 0,
+    scheduler: str | None = None,
     progress: bool | ProgressCallback = True,
     watch: Watch | None = None,
     on_interrupt: OnInterrupt = "return",
@@ -180,7 +194,7 @@ def resume(
         RUN directory that :func:`sample` wrote by its `output`, or `prf sample`.
     steps : int, optional
         A chain, in total.
-    seconds, threads, progress, watch, on_interrupt
+    seconds, threads, scheduler, progress, watch, on_interrupt
         As :func:`sample`.
     requested, logs, seed
         What the run must have been made with, if anything: values, option to log, seed.
@@ -193,24 +207,43 @@ def resume(
     rule = _rule(steps, seconds)
     with exclusive(run):
         session = Session.resume(Path(run), dict(logs), requested, seed, _threads(threads))
-        logger.info(f"resuming at step {session.sampler.step}")
-        return _run(session, rule, progress, watch, on_interrupt)
+        logger.info(f"resuming at step {session.ensemble.step}")
+        with (
+            _supervised(session, progress, watch, on_interrupt) as (stop_requested, after_round),
+            open_pool(_threads(threads), scheduler, "prf", _version) as workers,
+        ):
+            for found in drive(session.ensemble, rule, workers, stop_requested, session.seconds_to_finish):
+                if after_round(found):
+                    break
+            return session.finish()
 
 
-def _run(
-    session: Session, rule: StopRule, progress: bool | ProgressCallback, watch: Watch | None, on_interrupt: OnInterrupt
-) -> Run:
-    """Sample with progress; Ctrl-C ends it in good order."""
+@contextmanager
+def _supervised(
+    session: Session, progress: bool | ProgressCallback, watch: Watch | None, on_interrupt: OnInterrupt
+) -> Iterator[tuple[Callable[[], bool], Callable[[Progress], bool]]]:
+    """Show progress, keep what a killed process would lose, and let Ctrl-C end the run in good order.
+
+    Gives what returns whether a stop is requested, and what is called after every round and returns whether it was the
+    last for that.
+    """
     logger.info(session.describe())
+    session.open()
     signals = (signal.SIGINT, signal.SIGTERM) if on_interrupt == "raise" else (signal.SIGINT,)
-    with session.sampler, graceful_stop(signals) as stop, reported(progress, 1.0, "sampling") as reporter:
+    with graceful_stop(signals) as stop, reported(progress, 1.0, "sampling") as reporter:
 
-        def report(session: Session) -> None:
-            reporter(session.progress.share, **_shown(session))
+        def after_round(found: Progress) -> bool:
+            session.progress = found
+            reporter(found.share, **_shown(session))
             if watch is not None:
                 watch(session)
+            if found.status == "running" and stop.requested:
+                session.progress = found._replace(status="interrupted")
+            elif found.status == "running":
+                session.write_if_due()
+            return session.progress.status == "interrupted"
 
-        made = drive(session, rule, report, lambda: stop.requested)
+        yield lambda: stop.requested, after_round
     if session.progress.status == "interrupted":
         words = f"interrupted after {session.progress.step} steps"
         if session.folder is not None:
@@ -218,19 +251,18 @@ def _run(
         if on_interrupt == "raise":
             stop.raise_if_requested(words)
         logger.warning(words)
-    return made
 
 
 def _shown(session: Session) -> dict[str, str]:
     """Return what a progress bar shows beside the share."""
-    progress, sampler = session.progress, session.sampler
+    progress, ensemble = session.progress, session.ensemble
     fields = {
         "step": f"{progress.step:,}",
         "steps/s": f"{progress.steps_per_second:,.0f}",
-        "log posterior": f"{sampler.log_posterior():,.0f}",
+        "log posterior": f"{ensemble.log_posterior():,.0f}",
     }
-    if sampler.n_temperatures > 1:
-        fields["temperatures"] = f"{sampler.n_temperatures}"
+    if ensemble.n_temperatures > 1:
+        fields["temperatures"] = f"{ensemble.n_temperatures}"
     if progress.diagnoses:
         fields["least_converged"] = verdict(progress.diagnoses).reason
     return fields
@@ -256,6 +288,10 @@ def _rule(steps: int | None, seconds: float | None) -> StopRule:
     if steps is not None and steps < 1:
         raise ArgumentError(f"steps {steps}: must be at least 1.")
     return StopRule(steps, seconds)
+
+
+def _version() -> str:
+    return __version__
 
 
 def _threads(threads: int) -> int:

@@ -54,6 +54,8 @@ def anneal(
     is written, its occupied area as a GeoJSON MultiPolygon. What is maximised is the density over the lines of the map,
     |E| log p - 2 p length + log likelihood. Ctrl-C writes the best map so far.
     """
+    options = locals()
+
     from prf.sampler.driver import StopRule
     from prf.sampler.prepare import with_poses
     from prf.sampler.session import default_output
@@ -88,6 +90,7 @@ def _cool(
 ) -> tuple[Annealed, dict[str, Any], Any]:
     """Return what annealing found, how it was made, and whether it was interrupted."""
     import os
+    from concurrent.futures import ThreadPoolExecutor
 
     from prf.sampler.anneal import anneal as cool
     from prf.sampler.prepare import describe_readings, read_prepared
@@ -98,16 +101,17 @@ def _cool(
     laser, sonar, point_data = inputs
     prepared = read_prepared(laser, config, sonar, point_data)
     prepared.announce()
-    n_beams = 0 if prepared.settings.laser is None else prepared.settings.laser.readings.n_beams
-    readings = describe_readings(prepared.settings, prepared.n_beams_thinned)
+    n_beams = 0 if prepared.target.laser is None else prepared.target.laser.readings.n_beams
+    readings = describe_readings(prepared.target, prepared.n_beams_thinned)
     logger.info(f"{readings}, {config.sampler.chains} chains, seed {seed}")
-    with graceful_stop() as stop, progress(1.0, "annealing") as reporter:
+    pool = ThreadPoolExecutor(threads or len(os.sched_getaffinity(0)))
+    with pool, graceful_stop() as stop, progress(1.0, "annealing") as reporter:
         found = cool(
-            prepared.settings,
+            prepared.target,
             spawn_generators(seed, config.sampler.chains),
             rule,
+            pool.map,
             config.anneal,
-            threads or len(os.sched_getaffinity(0)),
             starts_from=prepared.config.sampler.start or "empty",
             on_progress=lambda now: reporter(now.share, T=f"{now.temperature:.2g}", best=f"{now.score:,.1f}"),
             stop_requested=lambda: stop.requested,

@@ -27,6 +27,14 @@ EXAMPLES = (
 )
 
 Resume = Annotated[str | None, typer.Option("--resume", metavar="RUN", help="Continue this run from its checkpoint.")]
+Scheduler = Annotated[
+    str | None,
+    typer.Option(
+        "--scheduler",
+        metavar="ADDRESS",
+        help="Advance chains on the workers of this Dask scheduler, not in threads.",
+    ),
+]
 
 SOURCES: dict[ReadingKind, str] = {"laser": "--laser", "sonar": "--sonar", "points": "--point-data"}
 """Kind of readings to the option that names its log."""
@@ -45,6 +53,7 @@ def sample(
     resume: Resume = None,
     seed: Seed = None,
     threads: Threads = 0,
+    scheduler: Scheduler = None,
     force: Force = False,
     json: Json = False,
 ) -> None:
@@ -63,7 +72,7 @@ def sample(
     given = (("--laser", laser), ("--sonar", sonar), ("--point-data", point_data))
     logs = {flag: log for flag, log in given if log is not None}
     folder = _folder(logs, output, resume)
-    how: dict[str, Any] = {"steps": steps, "seconds": time_budget, "threads": threads}
+    how: dict[str, Any] = {"steps": steps, "seconds": time_budget, "threads": threads, "scheduler": scheduler}
     how |= {"seed": seed, "on_interrupt": "raise"}
     if resume is not None:
         run = continue_run(folder, requested=settings, logs=logs, **how)

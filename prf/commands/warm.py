@@ -69,7 +69,7 @@ def warm(
     must be able to write. A second call has nothing to do.
     """
     from prf.kernels._jit import CACHE
-    from prf.sampler.tiles.tiled import small_round
+    from prf.sampler.tiles.schedule import small_round
     from prf.shell.jit.warming import Job, report
     from prf.shell.jit.warming import warm as run
 

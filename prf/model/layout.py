@@ -19,7 +19,6 @@ from prf.kernels.state.image import Image, count_edges
 from prf.kernels.state.proposal import N_PROPOSAL_COUNTS, Proposal
 from prf.kernels.state.sites import Sites
 from prf.kernels.state.targets import NEAR, Targets
-from prf.kernels.step import run
 from prf.model.coloring import Coloring, Draws, black_at, count_black
 from prf.model.sonar import make_sight
 from prf.model.window import Window
@@ -275,10 +274,3 @@ def grow(chain: Chain) -> Chain:
         ),
         cones=chain.cones._replace(sight=make_sight(capacity + c.MOST_CHANGES)),
     )
-
-
-def run_chain(chain: Chain, rng: np.random.Generator, step: int) -> Chain:
-    """Run a chain up to `step`, making room on the way; return it."""
-    while not run(chain, rng, step):
-        chain = grow(chain)
-    return chain

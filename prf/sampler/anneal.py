@@ -12,19 +12,14 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from prf.configuration import Cooling, Start
 from prf.kernels import constants as c
-from prf.kernels.state.chain import Chain
 from prf.model.coloring import Coloring
-from prf.model.layout import read_coloring
-from prf.sampler.chain import ChainSampler
-from prf.sampler.chains import Sampler
-from prf.sampler.driver import StopRule, rounds
-from prf.sampler.poses import PoseTurns
-from prf.sampler.posterior import Settings
-from prf.sampler.record import Record
+from prf.sampler.driver import StopRule, drive
+from prf.sampler.ensemble import Ensemble
+from prf.sampler.target import Target
+from prf.shell.scheduler import Workers
 
 COOLING = Cooling()
 FROZEN = 1e12
@@ -54,65 +49,34 @@ class Annealed(NamedTuple):
         return max(self.by_chain)
 
 
-class BestMap(Record):
-    """The map of highest score among the states of a chain at times to record; no draws are kept."""
-
-    def __init__(self, scale: float) -> None:
-        super().__init__(np.zeros(0, np.int64))
-        self.scale = scale
-        self.score = -np.inf
-
-    def take(self, chain: Chain, poses: PoseTurns | None = None) -> None:
-        """Keep the present map if it is the best."""
-        graph, scale = chain.graph, self.scale
-        prior = graph.counts[c.EDGES] * np.log(scale) - 2.0 * scale * graph.sums[c.TOTAL_LENGTH]
-        score = float(prior + graph.sums[c.LOG_LIKELIHOOD])
-        if score > self.score:
-            self.map, self.score = read_coloring(graph), score
-
-
-class CoolingChain(ChainSampler):
-    """A chain on its way down, whose temperature the driver's rounds set."""
-
-    REFRESHES = False
-    record: BestMap
-
-    def make_record(self, probes: NDArray[np.int64]) -> BestMap:
-        """Return a record of the best map alone."""
-        return BestMap(self.settings.scale)
-
-    def find_start(self, stop_requested: Callable[[], bool]) -> None:
-        """Before the first step: take the map that the chain starts from, the first to keep."""
-        super().find_start(stop_requested)
-        self.record.take(self.chain)
-
-
 def anneal(
-    settings: Settings,
+    target: Target,
     generators: list[np.random.Generator],
     rule: StopRule,
+    workers: Workers = map,
     cooling: Cooling = COOLING,
-    threads: int = 1,
     starts_from: Start = "empty",
     on_progress: Callable[[Annealed], None] = lambda _: None,
     stop_requested: Callable[[], bool] = lambda: False,
 ) -> Annealed:
     """Cool one chain a generator for the steps or the time of `rule`, and return the best map."""
-    plain = dataclasses.replace(settings, resolution=None, seen=None, tiles=0)
-    with Sampler(plain, generators, threads, starts_from=starts_from, kind=CoolingChain) as sampler:
-        share, beta = 0.0, inverse_temperature(cooling, 0.0)
-        for progress in rounds(sampler, rule, stop_requested):
-            share = progress.share
-            on_progress(_best_so_far(sampler, share, beta))
-            if stop_requested():
-                break
-            beta = inverse_temperature(cooling, share)
-            for chain in sampler.chains:
-                chain.chain.density[c.INVERSE_TEMPERATURE] = beta
-    return _best_so_far(sampler, share, beta)
+    plain = dataclasses.replace(target, seen=None).with_execution(resolution=None, tiles=0)
+    ensemble = Ensemble(plain, generators, starts_from=starts_from, is_cooled=True)
+    share, beta = 0.0, inverse_temperature(cooling, 0.0)
+    for progress in drive(ensemble, rule, workers, stop_requested):
+        share = progress.share
+        on_progress(_best_so_far(ensemble, share, beta))
+        if stop_requested():
+            break
+        beta = inverse_temperature(cooling, share)
+        for chain in ensemble.chains:
+            chain.chain.density[c.INVERSE_TEMPERATURE] = beta
+    return _best_so_far(ensemble, share, beta)
 
 
-def _best_so_far(sampler: Sampler, share: float, beta: float) -> Annealed:
-    records = [chain.record for chain in sampler.chains if isinstance(chain, CoolingChain)]
-    best = max(records, key=lambda record: record.score)
-    return Annealed(best.map, tuple(record.score for record in records), sampler.step, share, 1.0 / beta)
+def _best_so_far(ensemble: Ensemble, share: float, beta: float) -> Annealed:
+    """Return the best map of all chains; the first counts where several are as good."""
+    found = [chain.record.best for chain in ensemble.chains if chain.record.best is not None]
+    best = max(found, key=lambda draw: draw.functionals[-1])
+    scores = tuple(float(draw.functionals[-1]) for draw in found)
+    return Annealed(best.coloring, scores, ensemble.step, share, 1.0 / beta)

@@ -1,8 +1,14 @@
-"""One chain: advanced block by block, its draws and its image recorded."""
+"""One chain: its state, how it is driven, and what it leaves behind.
+
+Draws are thinned more as they grow in number; times of the image are kept by epochs.
+"""
 
 from __future__ import annotations
 
+import dataclasses
+import time
 from collections.abc import Callable
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,25 +17,59 @@ from prf.configuration import Start
 from prf.kernels import constants as c
 from prf.kernels.state.build import recompute_sums
 from prf.kernels.state.chain import Chain
+from prf.kernels.state.image import Image, settle_all
 from prf.model.coloring import Coloring
-from prf.model.layout import make_image, read_coloring, run_chain
-from prf.sampler.chain_map import copied, with_map
+from prf.model.layout import make_image, read_coloring
 from prf.sampler.poses import PoseTurns
-from prf.sampler.posterior import Settings, make_chain, one_colour_map
 from prf.sampler.prior_ground import PriorGround, prior_ground
-from prf.sampler.record import FIRST_THIN, ImageTimes, Record, burn_in
+from prf.sampler.schedules import Plain, Regions, has_regions, unexplained
 from prf.sampler.starts import find_start_map
-from prf.sampler.targets import Doubts, focus_of
-from prf.sampler.tempering import LadderPlan, Tempering
+from prf.sampler.state import copied, make_chain, with_map
+from prf.sampler.target import Target, one_colour_map
+from prf.sampler.tempering import Ladder, LadderPlan
 
+FIRST_THIN = 2000
+"""Steps between two draws at the start."""
+MOST_DRAWS = 1024
+"""Draws a chain keeps at most; on reaching it, every other is dropped and the spacing doubles."""
+FIRST_EPOCH = FIRST_THIN
+"""Steps before the first epoch of the image begins; each begins at twice the step of the one before."""
 SHORTEST_BLOCK = 5 * FIRST_THIN
 LONGEST_BLOCK = 4 * SHORTEST_BLOCK
 """A round must not keep Ctrl-C, the clock and the progress waiting for long."""
 PROPOSALS_PER_LOOK = 50_000
 """Proposals of the draw of the prior between two looks at whether it is to stop."""
 
-Advance = Callable[[Chain, np.random.Generator, int], Chain]
-"""How a chain gets to a step: alone, in regions round targets, or with the chains of a temperature ladder."""
+FUNCTIONALS = ("n_edges", "total_length", "log_prior", "log_likelihood", "log_posterior")
+EDGES_ANYWHERE = ("n_edges", "total_length", "log_prior")
+"""Those that count edges wherever they are, most of them where no reading saw the ground."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Draw:
+    """One recorded state of a chain."""
+
+    step: int
+    coloring: Coloring
+    functionals: NDArray[np.float64]
+    probe_black: NDArray[np.bool_]  # (n_probes,)
+    poses: NDArray[np.float32] | None = None  # (n_poses, 3) less the given ones; None where poses are certain
+
+
+def functionals(chain: Chain, log_pose_prior: float = 0.0) -> NDArray[np.float64]:
+    """Return the values (len(FUNCTIONALS),) of the present state of a chain."""
+    counts, sums = chain.graph.counts, chain.graph.sums
+    log_posterior = sums[c.LOG_PRIOR] + sums[c.LOG_LIKELIHOOD] + log_pose_prior
+    return np.array(
+        [counts[c.EDGES], sums[c.TOTAL_LENGTH], sums[c.LOG_PRIOR], sums[c.LOG_LIKELIHOOD], log_posterior], np.float64
+    )
+
+
+def burn_in(step: int) -> int:
+    """Return the burn-in of a run at `step`: a quarter to a half of it, 0 in the first two epochs."""
+    if step < 2 * FIRST_EPOCH:
+        return 0
+    return int(FIRST_EPOCH * 2 ** (int(np.log2(step // FIRST_EPOCH)) - 1))
 
 
 def block_length(n_readings: int) -> int:
@@ -44,46 +84,126 @@ def block_length(n_readings: int) -> int:
     return length
 
 
-class ChainSampler:
-    """A chain, its generator and what it has recorded.
+class Record:
+    """Draws of one chain, the best of them, and times of the pixels of its image in two epochs.
 
-    It starts from the map `start`, in which every sensor is in white, or from a map of one colour (as in the paper),
-    which :meth:`find_start` may leave for a better one. `like` is another chain of the same settings at its start, to
-    be copied.
+    `probes` (n_probes,) are pixels whose colour is kept with every draw.
+
+    What has been averaged since the start of an epoch cannot be taken back; with epochs that begin at steps
+    ``FIRST_EPOCH * 2**k``, the present one and the one before always leave out a burn-in of a quarter to a half of
+    the run, whenever it stops, and the image is the same whether or not the run was interrupted on the way.
     """
 
-    REFRESHES = True
-    """Whether ground that no reading concerns is drawn from the prior (:mod:`prf.sampler.prior_ground`)."""
+    def __init__(self, probes: NDArray[np.int64], n_pixels: int = 0) -> None:
+        self.probes = probes
+        self.thin = FIRST_THIN
+        self.draws: list[Draw] = []
+        self.best: Draw | None = None
+        self.start = 0
+        self.previous_start = 0
+        self.previous_black = np.zeros(n_pixels, np.int64)
+        self.previous_mixed = np.zeros(n_pixels, np.int64)
+
+    @property
+    def next_start(self) -> int:
+        """Step at which the next epoch begins."""
+        return max(FIRST_EPOCH, 2 * self.start)
+
+    def next_stop(self, step: int) -> int:
+        """Return the next step after `step` at which there is something to record."""
+        return min(self.next_start, step - step % self.thin + self.thin)
+
+    def take(self, chain: Chain, poses: PoseTurns | None = None) -> None:
+        """Record the chain's state if its step is one of those to record."""
+        step = int(chain.graph.counts[c.STEP])
+        if step == self.next_start:
+            self.rotate(chain.image, step)
+        if self.is_due(step):
+            black = chain.image.black[self.probes].astype(np.bool_)
+            values = functionals(chain, 0.0 if poses is None else poses.log_prior)
+            self.add(Draw(step, read_coloring(chain.graph), values, black, None if poses is None else poses.offsets()))
+
+    def is_due(self, step: int) -> bool:
+        """Return whether the state at `step` is a draw; the one before the first step is none."""
+        return step > 0 and step % self.thin == 0
+
+    def add(self, draw: Draw) -> None:
+        """Keep a draw; thin all when they are too many."""
+        if self.best is None or draw.functionals[-1] > self.best.functionals[-1]:
+            self.best = draw
+        self.draws.append(draw)
+        if len(self.draws) >= MOST_DRAWS:
+            self.thin *= 2
+            self.draws = [kept for kept in self.draws if kept.step % self.thin == 0]
+
+    def since(self, step: int) -> list[Draw]:
+        """Return the draws after `step`."""
+        return [draw for draw in self.draws if draw.step > step]
+
+    def rotate(self, image: Image, step: int) -> None:
+        """Begin a new epoch at `step`."""
+        settle_all(image, step)
+        self.previous_black = image.black_time.copy()
+        self.previous_mixed = image.mixed_time.copy()
+        image.black_time[:] = 0
+        image.mixed_time[:] = 0
+        self.previous_start, self.start = self.start, step
+
+    def forget(self, image: Image, step: int) -> None:
+        """Let all times up to `step` count no more."""
+        settle_all(image, step)
+        for times in (self.previous_black, self.previous_mixed, image.black_time, image.mixed_time):
+            times[:] = 0
+
+    def times(self, image: Image, step: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Return black and mixed time of every pixel since the burn-in ended, in steps."""
+        settle_all(image, step)
+        return self.previous_black + image.black_time, self.previous_mixed + image.mixed_time
+
+
+class BestMap(Record):
+    """The map of highest density over its lines (:mod:`prf.sampler.anneal`) among the draws, none of which is kept."""
+
+    def take(self, chain: Chain, poses: PoseTurns | None = None) -> None:
+        """Keep the present map if it is the best."""
+        graph, scale = chain.graph, float(chain.density[c.SCALE])
+        prior = graph.counts[c.EDGES] * np.log(scale) - 2.0 * scale * graph.sums[c.TOTAL_LENGTH]
+        score = np.array([prior + graph.sums[c.LOG_LIKELIHOOD]])
+        if self.best is None or score[0] > self.best.functionals[0]:
+            self.best = Draw(int(graph.counts[c.STEP]), read_coloring(graph), score, np.zeros(0, np.bool_))
+
+
+class ChainRun:
+    """A chain under way: its state, its generator, its schedule and what it has recorded.
+
+    It starts from the map `start`, in which every sensor is in white, or from a map of one colour (as in the paper),
+    which :meth:`find_start` may leave for a better one. `like` is another chain of the same target at its start, to
+    be copied. One that is cooled keeps its best map alone, and never draws ground that no reading concerns from the
+    prior (:mod:`prf.sampler.prior_ground`).
+    """
 
     def __init__(
         self,
-        settings: Settings,
+        target: Target,
         rng: np.random.Generator,
         probes: NDArray[np.int64],
         start: Coloring | None = None,
         starts_from: Start = "empty",
         like: Chain | None = None,
+        is_cooled: bool = False,
     ) -> None:
-        self.settings, self.rng, self.starts_from = settings, rng, starts_from
-        fresh = one_colour_map(settings) if start is None else start
-        self.chain: Chain = make_chain(settings, fresh) if like is None else copied(like)
-        self.record = self.make_record(probes)
-        self.times = ImageTimes(self.chain.image.black.size)
+        self.target, self.rng, self.starts_from = target, rng, starts_from
+        fresh = one_colour_map(target) if start is None else start
+        self.chain: Chain = make_chain(target, fresh) if like is None else copied(like)
+        self.record = (BestMap if is_cooled else Record)(probes, self.chain.image.black.size)
         self.block = block_length(len(self.chain.beams.ray) + len(self.chain.cones.pose))
         self.recorded_from = 0
-        self.ground = prior_ground(settings, self.chain) if self.REFRESHES else None
-        self.doubts = Doubts(self.chain)
-        self.tempering: Tempering | None = None
-        focus = focus_of(settings, self.chain)
-        self._advance: Advance = run_chain if focus is None else focus.run_to
-        self.poses: PoseTurns | None = None
-        if settings.poses is not None:
-            self.poses = PoseTurns(settings, self.chain, self._advance)
-            self._advance = self.poses.run_to
-
-    def make_record(self, probes: NDArray[np.int64]) -> Record:
-        """Return what keeps the draws of the chain; `probes` (n_probes,) are pixels whose colour is kept with them."""
-        return Record(probes)
+        self.ground = None if is_cooled else prior_ground(target, self.chain)
+        self.n_unexplained = np.zeros(len(self.chain.beams.ray))  # looks at which a return was left unexplained
+        self.n_looks = 0.0
+        self.schedule: Plain = Regions(self.chain) if has_regions(target, self.chain) else Plain()
+        if target.poses is not None:
+            self.schedule = PoseTurns(target, self.chain, self.schedule)
 
     @property
     def step(self) -> int:
@@ -95,90 +215,82 @@ class ChainSampler:
         """Steps at the start that are left out."""
         return max(burn_in(self.step), self.recorded_from)
 
+    @property
+    def poses(self) -> PoseTurns | None:
+        """The schedule if poses are uncertain."""
+        return self.schedule if isinstance(self.schedule, PoseTurns) else None
+
+    @property
+    def ladder(self) -> Ladder | None:
+        """The schedule if the chain is tempered."""
+        return self.schedule if isinstance(self.schedule, Ladder) else None
+
     def temper(self, plan: LadderPlan) -> None:
         """Put a temperature ladder on this chain; rounds are then the shortest, since every hot chain makes one.
 
         What was recorded before counts no more.
         """
-        self.tempering = Tempering(self.settings, self.chain, self.rng, plan)
-        self._advance = self.tempering.run_to
+        self.schedule = Ladder(self.target, self.chain, self.rng, plan)
         self.block = SHORTEST_BLOCK
         self.forget()
 
     def forget(self) -> None:
         """Let the burn-in end here at the earliest."""
         self.recorded_from = self.step
-        self.times.forget(self.chain.image, self.step)
+        self.record.forget(self.chain.image, self.step)
 
-    def run_to(self, step: int) -> None:
-        """Run up to `step`."""
-        self.chain = self._advance(self.chain, self.rng, step)
-
-    def advance(self, latest: int | None = None) -> None:
-        """Run one block, or up to the step `latest` if that is before its end, recording on the way.
-
-        At its end the state is a function of map and impacts alone.
-        """
-        if self.tempering is not None and self.tempering.adapt(self.step):
+    def advance(self) -> Self:
+        """Make one round, recording on the way; at its end the state is a function of map and impacts alone."""
+        if self.schedule.adapt(self.step):
             self.forget()
-        end = self.step + self.block if latest is None else min(self.step + self.block, latest)
-        steps = end - self.step
+        begun = self.step
+        end = begun + self.schedule.round_length(begun, self.block)
         while self.step < end:
-            spacing = self.record.thin
-            self.record_at(min(end, self.times.next_start, self.step - self.step % spacing + spacing))
-        self.finish_block(steps)
+            move, until = self.schedule.turn(self.step, min(end, self.record.next_stop(self.step)), end)
+            self.chain = move(self.chain, self.rng, until)
+            self.record.take(self.chain, self.poses)
+        self.redraw_ground(end - begun)
+        return self
 
-    def record_at(self, step: int) -> None:
-        """Run up to `step`, and record there."""
-        self.run_to(step)
-        if self.step == self.times.next_start:
-            self.times.rotate(self.chain.image, self.step)
-        self.record.take(self.chain, self.poses)
-
-    def finish_block(self, steps: int) -> None:
-        """Redraw ground that no reading concerns, in proportion to the `steps` of a block, and settle."""
+    def redraw_ground(self, steps: int) -> None:
+        """Redraw ground that no reading concerns, in proportion to the `steps` of a round, and settle."""
         if self.ground is not None and self.poses is not None:
-            self.ground = PriorGround(self.settings, self.chain)
+            self.ground = PriorGround(self.target, self.chain)
         if self.ground is not None:
             self.chain = self.ground.refresh(self.chain, self.rng, int(self.ground.rate * steps))
         self.settle()
 
     def settle(self) -> None:
-        """Recompute sums and lists, as at the end of every block."""
+        """Recompute sums and lists, and look which returns no edge explains, as at the end of every round."""
         if self.ground is not None:
             self.chain = self.ground.settle(self.chain)
         recompute_sums(self.chain)
-        self.doubts.look(self.chain)
-        if self.tempering is not None:
-            self.tempering.settle()
+        self.n_unexplained += unexplained(self.chain)
+        self.n_looks += 1.0
+        self.schedule.settle()
 
-    def find_start(self, stop_requested: Callable[[], bool]) -> None:
+    def find_start(self, seconds: float, stop_requested: Callable[[], bool]) -> Self:
         """Before the first step: take the map, and the poses, that the chain shall start from."""
+        latest = time.monotonic() + seconds
+
+        def is_over() -> bool:
+            return stop_requested() or time.monotonic() > latest
+
         if self.poses is not None:
             self.chain = self.poses.start(self.chain, self.rng)
         if self.starts_from != "empty":
-            start = find_start_map(self.starts_from, self.settings, self.rng, stop_requested)
-            chain = with_map(self.chain, self.settings, start)
+            start = find_start_map(self.starts_from, self.target, self.rng, is_over)
+            chain = with_map(self.chain, self.target, start)
             if chain.graph.counts[c.OCCUPIED] > 0:
-                start = one_colour_map(self.settings)
-                chain = with_map(self.chain, self.settings, start)
-            self.chain = chain._replace(image=make_image(start, chain.graph, self.settings.resolution))
-        self._draw_ground(stop_requested)
-        self.measure_poses()
-        if self.tempering is not None:
-            self.tempering.start_at(read_coloring(self.chain.graph))
-
-    def measure_poses(self) -> None:
-        """Scale random walks of poses by the present map, if poses are uncertain."""
-        if self.poses is not None:
-            self.poses.measure(self.chain)
-
-    def _draw_ground(self, stop_requested: Callable[[], bool]) -> None:
-        """Draw what no reading concerns about as the prior has it, given the rest of the map."""
-        if self.ground is None:
-            return
-        for _ in range(0, self.ground.first_proposals, PROPOSALS_PER_LOOK):
-            if stop_requested():
-                break
-            self.chain = self.ground.refresh(self.chain, self.rng, PROPOSALS_PER_LOOK)
-        self.settle()
+                start = one_colour_map(self.target)
+                chain = with_map(self.chain, self.target, start)
+            self.chain = chain._replace(image=make_image(start, chain.graph, self.target.execution.resolution))
+        if self.ground is not None:
+            for _ in range(0, self.ground.first_proposals, PROPOSALS_PER_LOOK):
+                if is_over():
+                    break
+                self.chain = self.ground.refresh(self.chain, self.rng, PROPOSALS_PER_LOOK)
+            self.settle()
+        self.schedule.begin(self.chain)
+        self.record.take(self.chain, self.poses)
+        return self

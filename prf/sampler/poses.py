@@ -7,7 +7,6 @@ of beams, cones and sensors are laid out anew.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,8 +24,9 @@ from prf.model.layout import make_sites
 from prf.model.sonar import make_cones
 from prf.poses.model import LocalReadings, PoseModel
 from prf.poses.plane import wrapped
-from prf.sampler.chain_map import repaint, settle_image
-from prf.sampler.posterior import NO_LASER, NO_SONAR, Settings, poses_of, rays_of
+from prf.sampler.schedules import Plain, Steps
+from prf.sampler.state import repaint, settle_image
+from prf.sampler.target import NO_LASER, NO_SONAR, Target, poses_of, rays_of
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -45,17 +45,13 @@ FIRST_SPREAD = 0.1
 """Of what a pose may vary by, over the errors of the given ones, before it was measured."""
 
 
-Runs = Callable[[Chain, np.random.Generator, int], Chain]
-"""How the map of a chain gets to a step."""
+class PoseTurns(Plain):
+    """The poses of one chain, and turns of theirs between those of its map; `state` is what the kernels hold."""
 
-
-class PoseTurns:
-    """The poses of one chain and how they move; `state` is what the kernels hold."""
-
-    def __init__(self, settings: Settings, chain: Chain, advance_map: Runs) -> None:
-        assert settings.poses is not None
-        self.settings, self._advance_map = settings, advance_map
-        self.state = make_poses(settings, settings.poses, chain)
+    def __init__(self, target: Target, chain: Chain, map_schedule: Plain) -> None:
+        assert target.poses is not None
+        self.target, self.map_schedule = target, map_schedule
+        self.state = make_poses(target, target.poses, chain)
         n, n_readings = len(self.state.pose), len(self.state.beam_of) + len(self.state.cone_of)
         self.map_steps = min(MOST_MAP_STEPS, MAP_STEPS * max(1, math.ceil(n_readings / MAP_STEPS)))
         self.pose_steps = int(np.clip(STEPS_PER_POSE * n, LEAST_POSE_STEPS, MOST_POSE_STEPS))
@@ -66,17 +62,13 @@ class PoseTurns:
         """Log prior of the present poses, up to a constant."""
         return float(self.state.sums[LOG_POSE_PRIOR])
 
-    def run_to(self, chain: Chain, rng: np.random.Generator, step: int) -> Chain:
-        """Run a chain up to `step`, alternating between steps of the map and of poses."""
+    def turn(self, step: int, stop: int, end: int) -> tuple[Steps, int]:
+        """Return the next steps: alternating between the map and poses."""
         cycle = self.map_steps + self.pose_steps
-        while chain.graph.counts[c.STEP] < step:
-            now = int(chain.graph.counts[c.STEP])
-            begun = now - now % cycle
-            if now < begun + self.map_steps:
-                chain = self._advance_map(chain, rng, min(step, begun + self.map_steps))
-            else:
-                chain = self.move(chain, rng, min(step, begun + cycle))
-        return chain
+        begun = step - step % cycle
+        if step < begun + self.map_steps:
+            return self.map_schedule.turn(step, min(stop, begun + self.map_steps), end)
+        return self.move, min(stop, begun + cycle)
 
     def move(self, chain: Chain, rng: np.random.Generator, step: int) -> Chain:
         """Move the poses of a chain up to `step`, and lay its readings out anew."""
@@ -96,11 +88,11 @@ class PoseTurns:
 
     def start(self, chain: Chain, rng: np.random.Generator) -> Chain:
         """Put the poses of a chain where scans agree, about: chains start apart."""
-        model = self.settings.poses
+        model = self.target.poses
         assert model is not None
         if model.draw_start is not None:
             chain = self.place(chain, model.draw_start(rng))
-            if self.settings.window.contains(self.sites(), strictly=True).all():
+            if self.target.window.contains(self.sites(), strictly=True).all():
                 return chain
         return self.place(chain, model.start)
 
@@ -114,16 +106,16 @@ class PoseTurns:
 
     def laid_out(self, chain: Chain) -> Chain:
         """Return the chain with beams, cones and sensors listed where they are now; sums must follow."""
-        grid, capacity, settings = chain.edge_index.grid, len(chain.graph.edge_length), self.settings
-        laser, sonar = settings.laser or NO_LASER, settings.sonar or NO_SONAR
+        grid, capacity, target = chain.edge_index.grid, len(chain.graph.edge_length), self.target
+        laser, sonar = target.laser or NO_LASER, target.sonar or NO_SONAR
         # Once more from the poses alone: what was added up on the way depends on it.
         maximum = float(chain.cones.model[SONAR_MAX])
         place_readings(self.state, chain.graph.window, chain.beams.model, maximum, chain.beams.ray, chain.cones.pose)
-        beams = make_beams(grid, laser.model, chain.beams.ray, capacity, settings.levels)
+        beams = make_beams(grid, laser.model, chain.beams.ray, capacity, target.execution.levels)
         return chain._replace(
             beams=beams._replace(impact_edge=chain.beams.impact_edge),
             cones=make_cones(grid, sonar.model, chain.cones.pose, capacity),
-            sensors=make_sites(grid, np.concatenate([self.sites(), settings.way[:, :2], settings.way[:, 2:]])),
+            sensors=make_sites(grid, np.concatenate([self.sites(), target.way[:, :2], target.way[:, 2:]])),
         )
 
     def sites(self) -> Floats:
@@ -139,24 +131,28 @@ class PoseTurns:
         offset[:, 2] = wrapped(offset[:, 2])
         return np.asarray(offset, np.float32)
 
+    def begin(self, chain: Chain) -> None:
+        """Scale random walks by the first map."""
+        self.measure(chain)
+
     def measure(self, chain: Chain) -> None:
         """Scale random walks by what poses may vary by on the present map."""
         measure_spread(chain.graph, chain.edge_index, chain.beams, self.state)
 
 
-def make_poses(settings: Settings, model: PoseModel, chain: Chain) -> Poses:
+def make_poses(target: Target, model: PoseModel, chain: Chain) -> Poses:
     """Lay out the poses of a chain at the start of their model."""
     prior, n = model.prior, len(model.start)
-    beams = _by_pose(model.laser, n)
-    cones = _by_pose(model.sonar, n)
+    beam_start, beam_of, beam_local = _by_pose(model.laser, n)
+    cone_start, cone_of, cone_local = _by_pose(model.sonar, n)
     site_start, site_local = _sites(model, n)
-    rays, cone_poses = rays_of(settings), poses_of(settings)
-    half = np.zeros(0) if settings.sonar is None else 0.5 * settings.sonar.readings.cone
+    rays, cone_poses = rays_of(target), poses_of(target)
+    half = np.zeros(0) if target.sonar is None else 0.5 * target.sonar.readings.cone
     room = chain.edge_index.grid.nx * chain.edge_index.grid.ny if len(half) else 1
     spread = np.zeros((n, 6))
     errors = np.where(np.isfinite(prior.noise), FIRST_SPREAD * prior.noise, 0.01)
     spread[:, [0, 2, 5]] = errors[[0, 0, 1]]
-    reading = rays[beams.of, c.RANGE]
+    reading = rays[beam_of, c.RANGE]
     return Poses(
         pose=model.start.copy(),
         start=model.start.copy(),
@@ -165,21 +161,21 @@ def make_poses(settings: Settings, model: PoseModel, chain: Chain) -> Poses:
         motion=prior.motion.copy(),
         weight=1.0 / prior.spread**2,
         spread=spread,
-        beam_start=beams.start,
-        beam_of=beams.of,
-        beam_local=beams.local,
+        beam_start=beam_start,
+        beam_of=beam_of,
+        beam_local=beam_local,
         returned=(np.isfinite(reading) & (reading >= 0.0)).astype(np.uint8),
-        cone_start=cones.start,
-        cone_of=cones.of,
-        cone_local=cones.local,
-        cone_half=half[cones.of],
-        cone_reading=cone_poses[cones.of, READING],
+        cone_start=cone_start,
+        cone_of=cone_of,
+        cone_local=cone_local,
+        cone_half=half[cone_of],
+        cone_reading=cone_poses[cone_of, READING],
         site_start=site_start,
         site_local=site_local,
         new_pose=np.zeros((n, 3)),
-        new_ray=np.zeros((len(beams.of), c.N_RAY)),
-        new_edge=np.zeros(len(beams.of), np.int32),
-        new_cone=np.zeros((len(cones.of), N_POSE)),
+        new_ray=np.zeros((len(beam_of), c.N_RAY)),
+        new_edge=np.zeros(len(beam_of), np.int32),
+        new_cone=np.zeros((len(cone_of), N_POSE)),
         cells=np.zeros(room, np.int32),
         near=np.zeros(room),
         work=np.zeros(48),
@@ -188,20 +184,14 @@ def make_poses(settings: Settings, model: PoseModel, chain: Chain) -> Poses:
     )
 
 
-class _ByPose:
-    """Readings listed by their poses: `start` (n + 1,), `of` (n_readings,), `local` (n_readings, N_LOCAL)."""
-
-    def __init__(self, start: Ints, of: NDArray[np.int32], local: Floats) -> None:
-        self.start, self.of, self.local = start, of, local
-
-
-def _by_pose(readings: LocalReadings | None, n: int) -> _ByPose:
+def _by_pose(readings: LocalReadings | None, n: int) -> tuple[Ints, NDArray[np.int32], Floats]:
+    """Return readings by their poses: starts (n + 1,), numbers (n_readings,), and local ones (n_readings, N_LOCAL)."""
     if readings is None:
-        return _ByPose(np.zeros(n + 1, np.int64), np.zeros(0, np.int32), np.zeros((0, N_LOCAL)))
+        return np.zeros(n + 1, np.int64), np.zeros(0, np.int32), np.zeros((0, N_LOCAL))
     of = np.argsort(readings.owner, kind="stable").astype(np.int32)
     start = np.append(0, np.cumsum(np.bincount(readings.owner, minlength=n))).astype(np.int64)
     angle = readings.angle[of]
-    return _ByPose(start, of, np.column_stack([readings.origin[of], np.cos(angle), np.sin(angle)]))
+    return start, of, np.column_stack([readings.origin[of], np.cos(angle), np.sin(angle)])
 
 
 def _sites(model: PoseModel, n: int) -> tuple[Ints, Floats]:

@@ -32,9 +32,8 @@ from prf.readings.describe import default_max_range
 from prf.readings.ground import chosen_window, driven_way, seen_cells
 from prf.readings.robot import fields_of_view
 from prf.readings.thinning import thin_beams
-from prf.sampler.posterior import LaserData, PointData, Settings, SonarData
+from prf.sampler.target import Execution, LaserData, PointData, SonarData, Target
 from prf.sampler.tempering import AUTO_TEMPERATURES, LadderPlan
-from prf.sampler.tiles.partition import chosen_tiles
 from prf.shell.errors import ConfigError, InputError
 
 DRIVEN_RADIUS = 0.1
@@ -44,13 +43,21 @@ PIXELS_ACROSS = 500
 MOST_PIXELS = 4_000_000
 """Each takes some 50 bytes a chain, in memory and in checkpoints."""
 
+LEAST_TILED_SIDE = 60.0
+"""Metres: windows that are not longer have no tiles unless a number is given."""
+LEAST_TILED_READINGS = 10_000
+"""Likewise with fewer readings: chains side by side use the threads as well, and better."""
+TILE_SIDE = 40.0
+"""Metres: about the side of a tile, if the readings lay evenly."""
+MOST_TILES = 32
+
 logger = logging.getLogger(__name__)
 
 
 class Prepared(NamedTuple):
     """Readings made ready for the sampler."""
 
-    settings: Settings
+    target: Target
     config: Configuration  # resolved: window, resolution and, with a laser, max_range are numbers
     n_outside: int  # readings dropped because their sensor is not inside the window
     n_points_outside: int  # point observations dropped because they do not lie inside the window
@@ -69,9 +76,9 @@ class Prepared(NamedTuple):
             )
 
 
-def describe_readings(settings: Settings, n_beams_thinned: int) -> str:
+def describe_readings(target: Target, n_beams_thinned: int) -> str:
     """Return how many readings of each sensor are used, and the size of the window."""
-    laser, sonar, points, window = settings.laser, settings.sonar, settings.points, settings.window
+    laser, sonar, points, window = target.laser, target.sonar, target.points, target.window
     parts = []
     if laser is not None:
         n = laser.readings.n_beams
@@ -79,7 +86,7 @@ def describe_readings(settings: Settings, n_beams_thinned: int) -> str:
     if sonar is not None:
         parts.append(f"{sonar.readings.n_beams} sonar readings")
     if points is not None:
-        parts.append(f"{len(points.table.value)} points")
+        parts.append(f"{len(points.readings.value)} points")
     return f"{' and '.join(parts)}, window {window.width:.1f} x {window.height:.1f} m"
 
 
@@ -181,17 +188,17 @@ def prepare(
     resolved = _resolved(config, window, kept_beams, kept_cones, points)
     if driven is None:
         driven = [log for log in (laser, sonar) if log is not None]
-    settings = make_settings(resolved, kept_beams, kept_cones, points)
-    assert settings.resolution is not None
-    settings = dataclasses.replace(
-        settings,
+    target = make_target(resolved, kept_beams, kept_cones, points)
+    assert target.execution.resolution is not None
+    target = dataclasses.replace(
+        target,
         way=driven_way(resolved.driven.radius or 0.0, driven, sensors, window),
-        seen=seen_cells(window, settings.resolution, inside, kept_cones, points),
+        seen=seen_cells(window, target.execution.resolution, inside, kept_cones, points),
         poses=None if whole is None else whole.used(rows, cone_rows),
     )
     n_points_outside = 0 if observed is None or points is None else len(observed.value) - len(points.value)
     n_thinned = 0 if inside is None or kept_beams is None else len(inside.range) - len(kept_beams.range)
-    return Prepared(settings, resolved, n_outside, n_points_outside, n_thinned)
+    return Prepared(target, resolved, n_outside, n_points_outside, n_thinned)
 
 
 def _resolved(
@@ -292,24 +299,23 @@ def ladder_plan(config: Configuration) -> LadderPlan:
     return LadderPlan(temperatures, lowest)
 
 
-def make_settings(
+def make_target(
     config: Configuration, beams: Readings | None, cones: Readings | None = None, points: PointTable | None = None
-) -> Settings:
-    """Return the settings of a resolved configuration and its readings and points."""
+) -> Target:
+    """Return the target of a resolved configuration and its readings and points."""
     assert config.prior.window is not None
     assert config.sampler.resolution is not None
     window, resolution = Window.checked(*config.prior.window), config.sampler.resolution
     if window.area / resolution**2 > MOST_PIXELS:
         raise ConfigError(f"--resolution {resolution}: more than {MOST_PIXELS} pixels. Give a larger one.")
-    return Settings(
+    return Target(
         window,
         config.prior.scale,
         laser=None if beams is None else LaserData(beams, config.laser),
         sonar=None if cones is None else SonarData(cones, config.sonar),
         points=None if points is None else PointData(points, config.points),
-        resolution=resolution,
-        tiles=config.sampler.tiles or 0,
         driven_radius=config.driven.radius or 0.0,
+        execution=Execution(resolution=resolution, tiles=config.sampler.tiles or 0),
     )
 
 
@@ -318,3 +324,10 @@ def chosen_resolution(window: Window) -> float:
     least = max(window.width, window.height) / PIXELS_ACROSS
     decade = 10.0 ** math.floor(math.log10(least))
     return float(next(round(step * decade, 12) for step in (1, 2, 5, 10) if step * decade >= least))
+
+
+def chosen_tiles(window: Window, n_readings: int) -> int:
+    """Return the number of tiles that is used unless one is given; 0: none."""
+    if max(window.width, window.height) <= LEAST_TILED_SIDE or n_readings < LEAST_TILED_READINGS:
+        return 0
+    return min(MOST_TILES, max(4, round(window.area / TILE_SIDE**2)))

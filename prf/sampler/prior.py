@@ -7,9 +7,10 @@ import math
 from prf.kernels.state.build import recompute_sums
 from prf.model.arak import expected_edges, refuse_too_many_edges
 from prf.model.coloring import Coloring, Draws
-from prf.model.layout import read_coloring, run_chain
+from prf.model.layout import read_coloring
 from prf.model.window import Window
-from prf.sampler.posterior import Settings, make_chain
+from prf.sampler.state import make_chain, run_chain
+from prf.sampler.target import Target
 from prf.shell.cli.provenance import spawn_generators
 
 THIN_PER_EDGE = 50
@@ -26,8 +27,8 @@ def chosen_thin(scale: float, window: Window) -> int:
 def mcmc_draws(scale: float, window: Window, n_draws: int, thin: int | None = None, seed: int = 0) -> tuple[Draws, int]:
     """Draw maps from the Arak prior by one Markov chain from the all white map."""
     refuse_too_many_edges(scale, window, n_draws)
-    settings = Settings(window, scale)
-    chain = make_chain(settings, Coloring.empty(window))
+    target = Target(window, scale)
+    chain = make_chain(target, Coloring.empty(window))
     rng = spawn_generators(seed, 1)[0]
     spacing = thin if thin is not None else chosen_thin(scale, window)
     until = BURN_IN_DRAWS * chosen_thin(scale, window)

@@ -28,8 +28,8 @@ from prf.model.coloring import Coloring
 from prf.model.laser import beam_influence
 from prf.model.layout import grow, make_guards, make_index
 from prf.readings.ground import way_guards
-from prf.sampler.chain_map import repaint, settle_image
-from prf.sampler.posterior import Settings, make_chain
+from prf.sampler.state import make_chain, repaint, settle_image
+from prf.sampler.target import Target
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -56,16 +56,18 @@ CELL_ROOM = 64
 class PriorGround:
     """The ground that no reading concerns, and how a chain steps there."""
 
-    def __init__(self, settings: Settings, chain: Chain) -> None:
+    def __init__(self, target: Target, chain: Chain) -> None:
         grid = chain.edge_index.grid
-        is_closed = closed_cells(settings, chain)
-        self.influence = influence_of(settings, chain)
-        self.n_edges = edge_density(settings.scale) * float(np.count_nonzero(~is_closed)) * grid.cell**2
-        self.rate = min(MOST_PROPOSALS, PROPOSALS_PER_EDGE * self.n_edges) * (TILED_FACTOR if settings.tiles else 1.0)
-        bare = dataclasses.replace(settings, laser=None, sonar=None, points=None, resolution=None)
-        self._bare = make_chain(dataclasses.replace(bare, cell=CELL / settings.scale), Coloring.empty(settings.window))
+        is_closed = closed_cells(target, chain)
+        self.influence = influence_of(target, chain)
+        self.n_edges = edge_density(target.scale) * float(np.count_nonzero(~is_closed)) * grid.cell**2
+        self.rate = min(MOST_PROPOSALS, PROPOSALS_PER_EDGE * self.n_edges) * (
+            TILED_FACTOR if target.execution.tiles else 1.0
+        )
+        bare = dataclasses.replace(target, laser=None, sonar=None, points=None).with_execution(resolution=None)
+        self._bare = make_chain(bare.with_execution(cell=CELL / target.scale), Coloring.empty(target.window))
         self._bare.tuning[REACHES] *= ENLARGED
-        shapes = np.concatenate([closed_boxes(grid, is_closed), way_guards(settings.way, settings.driven_radius)])
+        shapes = np.concatenate([closed_boxes(grid, is_closed), way_guards(target.way, target.driven_radius)])
         self._guards = make_guards(self._bare.edge_index.grid, np.zeros(0, np.int64), shapes)
 
     @property
@@ -112,14 +114,14 @@ class PriorGround:
         return chain._replace(edge_index=index)
 
 
-def prior_ground(settings: Settings, chain: Chain) -> PriorGround | None:
+def prior_ground(target: Target, chain: Chain) -> PriorGround | None:
     """Return the ground of a chain that no reading concerns; None if there is hardly any.
 
     Values at points concern the colour of all ground between them, so that with them there is no such ground.
     """
-    if settings.points is not None or (settings.laser is None and settings.sonar is None):
+    if target.points is not None or (target.laser is None and target.sonar is None):
         return None
-    ground = PriorGround(settings, chain)
+    ground = PriorGround(target, chain)
     return ground if ground.n_edges >= FEWEST_EDGES else None
 
 
@@ -128,23 +130,23 @@ def edge_density(scale: float) -> float:
     return 4.0 * math.pi * scale**2
 
 
-def influence_of(settings: Settings, chain: Chain) -> Floats:
+def influence_of(target: Target, chain: Chain) -> Floats:
     """Return the distance (n,) beyond which no obstacle changes the likelihood of a beam, metres."""
     ray = chain.beams.ray
-    if settings.laser is None:
+    if target.laser is None:
         return np.zeros(0)
-    return np.asarray(np.minimum(ray[:, c.MAX_DISTANCE], beam_influence(settings.laser.model, ray[:, c.RANGE])))
+    return np.asarray(np.minimum(ray[:, c.MAX_DISTANCE], beam_influence(target.laser.model, ray[:, c.RANGE])))
 
 
-def closed_cells(settings: Settings, chain: Chain) -> Bools:
+def closed_cells(target: Target, chain: Chain) -> Bools:
     """Return the cells (ny, nx) of the edge index in which an obstacle may concern a reading."""
     grid, ray, pose = chain.edge_index.grid, chain.beams.ray, chain.cones.pose
     passes = np.zeros((grid.ny, grid.nx), np.int64)
-    end = ray[:, :2] + influence_of(settings, chain)[:, None] * ray[:, c.DIRECTION_X : c.DIRECTION_Y + 1]
+    end = ray[:, :2] + influence_of(target, chain)[:, None] * ray[:, c.DIRECTION_X : c.DIRECTION_Y + 1]
     path = np.empty(most_cells(grid), np.int32)
     count_passes(grid, np.ascontiguousarray(ray[:, :2]), end, path, passes.reshape(-1))
     is_closed: Bools = passes > 0
-    if settings.sonar is not None:
+    if target.sonar is not None:
         room = grid.nx * grid.ny
         mark_cones(
             grid,

@@ -6,7 +6,6 @@ they use, draws of the prior in everything. No step on the way to a start is a s
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable
 
 import numpy as np
@@ -22,11 +21,11 @@ from prf.kernels.state.grid import make_grid, most_cells
 from prf.model.arak import exact_draws
 from prf.model.coloring import Coloring, from_polygons, occupied_polygons
 from prf.model.laser import unit_vectors, window_exit
-from prf.model.layout import read_coloring, run_chain
+from prf.model.layout import read_coloring
 from prf.model.window import Window
 from prf.readings.ground import cleared
-from prf.sampler.chain_map import occupied_cost
-from prf.sampler.posterior import LaserData, Settings, make_chain, one_colour_map, white_places
+from prf.sampler.state import make_chain, run_chain
+from prf.sampler.target import LaserData, Target, occupied_cost, one_colour_map, white_places
 from prf.shell.errors import ConfigError, InputError
 
 LOWEST_POWER = 0.003
@@ -57,24 +56,24 @@ TOLERANCES = (1.0, 0.5, 0.1)
 
 
 def find_start_map(
-    start: Start, settings: Settings, rng: np.random.Generator, stop_requested: Callable[[], bool]
+    start: Start, target: Target, rng: np.random.Generator, stop_requested: Callable[[], bool]
 ) -> Coloring:
     """Return a map to start from, every sensor in white."""
     if start == "grid":
-        return contour_map(settings, rng)
-    return from_prior(settings, rng, stop_requested) if start == "prior" else one_colour_map(settings)
+        return contour_map(target, rng)
+    return from_prior(target, rng, stop_requested) if start == "prior" else one_colour_map(target)
 
 
-def from_prior(settings: Settings, rng: np.random.Generator, stop_requested: Callable[[], bool]) -> Coloring:
+def from_prior(target: Target, rng: np.random.Generator, stop_requested: Callable[[], bool]) -> Coloring:
     """Return where a chain from an exact draw of the prior arrives.
 
     The power of its likelihood rises from next to nothing to 1, so that colours settle before walls. An occupied sensor
     costs a finite number of nats; in the end that number rises until there is none. What is black round a sensor even
     then, or when the search is cut short, is cut out.
     """
-    draw = exact_draws(settings.scale, settings.window, 1, rng)[0]
-    chain = make_chain(dataclasses.replace(settings, resolution=None), draw)
-    cost = occupied_cost(settings, len(chain.sensors.xy))
+    draw = exact_draws(target.scale, target.window, 1, rng)[0]
+    chain = make_chain(target.with_execution(resolution=None), draw)
+    cost = occupied_cost(target, len(chain.sensors.xy))
     for look in range(1, RISE + MOST_DOUBLINGS + 1):
         if stop_requested() or (look > RISE and chain.graph.counts[c.OCCUPIED] == 0):
             break
@@ -83,28 +82,28 @@ def from_prior(settings: Settings, rng: np.random.Generator, stop_requested: Cal
         chain = run_chain(chain, rng, look * LOOK)
         recompute_sums(chain)
     coloring = read_coloring(chain.graph)
-    return map_of_region(occupied_polygons(coloring), settings) if chain.graph.counts[c.OCCUPIED] else coloring
+    return map_of_region(occupied_polygons(coloring), target) if chain.graph.counts[c.OCCUPIED] else coloring
 
 
-def contour_map(settings: Settings, rng: np.random.Generator) -> Coloring:
+def contour_map(target: Target, rng: np.random.Generator) -> Coloring:
     """Return the contour of an occupancy grid of a random half of the laser readings."""
-    if settings.laser is None:
+    if target.laser is None:
         raise ConfigError("sampler.start grid: needs the readings of a laser. Choose another start.")
-    window = settings.window
+    window = target.window
     cell = max(CELL, float(np.sqrt(window.area / MOST_CELLS)))
-    chosen = rng.random(settings.laser.readings.n_beams) < GRID_SHARE
-    return map_of_region(_occupied_region(window, settings.laser, chosen, cell), settings, cell)
+    chosen = rng.random(target.laser.readings.n_beams) < GRID_SHARE
+    return map_of_region(_occupied_region(window, target.laser, chosen, cell), target, cell)
 
 
-def map_of_region(region: BaseGeometry, settings: Settings, cell: float = CELL) -> Coloring:
+def map_of_region(region: BaseGeometry, target: Target, cell: float = CELL) -> Coloring:
     """Return a map that is black on a region as far as a map can be, and white round every sensor and on the way.
 
     Corners are straightened by about a cell. Where no straightening makes a valid map, it is the empty one.
     """
-    places = shapely.points(np.unique(white_places(settings), axis=0))
+    places = shapely.points(np.unique(white_places(target), axis=0))
     clear = shapely.union_all(shapely.buffer(places, CLEAR * cell, quad_segs=2))
-    clear = shapely.union(clear, cleared(settings.way, settings.driven_radius))
-    x0, y0, x1, y1 = settings.window
+    clear = shapely.union(clear, cleared(target.way, target.driven_radius))
+    x0, y0, x1, y1 = target.window
     inner = shapely.box(x0 + BORDER, y0 + BORDER, x1 - BORDER, y1 - BORDER)
     for tolerance in TOLERANCES:
         smooth = shapely.simplify(region, tolerance * cell)
@@ -112,10 +111,10 @@ def map_of_region(region: BaseGeometry, settings: Settings, cell: float = CELL) 
         parts = shapely.get_parts(shapely.buffer(black, -SEAM, join_style="mitre"))
         kept = parts[(shapely.get_dimensions(parts) == 2) & (shapely.area(parts) > LEAST_PART * cell**2)]
         try:
-            return from_polygons(shapely.MultiPolygon(list(kept)), settings.window)
+            return from_polygons(shapely.MultiPolygon(list(kept)), target.window)
         except InputError:
             continue
-    return one_colour_map(settings)
+    return one_colour_map(target)
 
 
 def _occupied_region(window: Window, laser: LaserData, chosen: NDArray[np.bool_], cell: float) -> BaseGeometry:

@@ -15,7 +15,7 @@ Bouchard-Cote, Deligiannidis, Doucet 2022, Non-reversible parallel tempering).
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,19 +23,20 @@ from numpy.typing import NDArray
 from prf.kernels import constants as c
 from prf.kernels.state.build import recompute_sums
 from prf.kernels.state.chain import Chain
+from prf.kernels.step import run
 from prf.model.arak import exact_draws
-from prf.model.coloring import Coloring
-from prf.model.layout import run_chain
-from prf.sampler.chain_map import (
+from prf.model.layout import grow, read_coloring
+from prf.sampler.schedules import Plain, Steps
+from prf.sampler.state import (
     exchanged,
-    occupied_cost,
     penalised_log_likelihood,
     repaint,
+    run_chain,
     settle_image,
     with_map,
     without_image,
 )
-from prf.sampler.posterior import Settings
+from prf.sampler.target import Target, occupied_cost
 
 Floats = NDArray[np.float64]
 
@@ -79,51 +80,6 @@ class LadderPlan(NamedTuple):
         return np.append(np.geomspace(1.0, lowest_positive, n - 1), 0.0)
 
 
-class SwapReport(NamedTuple):
-    """Powers and swaps of a ladder."""
-
-    powers: list[float]  # from 1 down
-    # mean probability of a swap of each pair of neighbours since the powers were last moved; None where untried
-    swap_rates: list[float | None]
-    round_trips: int  # maps that returned to the cold chain from the hottest one, over the whole run
-    first_step: int  # step at which tempering began
-
-
-class Ladder:
-    """Powers, swap rates, and in which direction each map moves.
-
-    `powers` (n,), `tried` (n - 1,), `rate_sum` (n - 1,), `came_from_hottest` (n,).
-    """
-
-    def __init__(self, powers: Floats, finds_reach: bool = False) -> None:
-        self.powers = powers.copy()
-        self.finds_reach = finds_reach
-        n = len(powers)
-        self.tried = np.zeros(n - 1, np.int64)
-        self.rate_sum = np.zeros(n - 1)
-        self.came_from_hottest = np.zeros(n, np.bool_)
-        self.came_from_hottest[-1] = True
-        self.round_trips = 0
-
-    def follow(self, pair: int) -> None:
-        """Follow the maps of the chains `pair` and `pair` + 1 through their swap."""
-        seen = self.came_from_hottest
-        seen[pair], seen[pair + 1] = seen[pair + 1], seen[pair]
-        seen[-1] = True
-        if seen[0]:
-            seen[0] = False
-            self.round_trips += 1
-
-    def even_out(self) -> None:
-        """Move the powers to where all pairs are expected to refuse alike, and restart the counts."""
-        refusals = 1.0 - np.where(self.tried > 0, self.rate_sum / np.maximum(self.tried, 1), 0.5)
-        self.powers = even_powers(self.powers, refusals)
-        if self.finds_reach:
-            self.powers = stretched_powers(self.powers, float(refusals.mean()))
-        self.tried[:] = 0
-        self.rate_sum[:] = 0.0
-
-
 def stretched_powers(powers: Floats, refusal: float) -> Floats:
     """Return powers that reach so far down, or up, that :data:`WANTED_REFUSAL` is expected instead of `refusal`."""
     factor = min(max(WANTED_REFUSAL / max(refusal, LEAST_REFUSAL), 1.0 / MOST_STRETCH), MOST_STRETCH)
@@ -151,41 +107,62 @@ def even_powers(powers: Floats, refusals: Floats) -> Floats:
     return moved
 
 
-class Tempering:
-    """The hot chains of one chain."""
+class Ladder(Plain):
+    """The hot chains of one chain, their powers, and in which direction each map moves.
 
-    def __init__(self, settings: Settings, cold: Chain, rng: np.random.Generator, plan: LadderPlan) -> None:
-        self.settings = settings
+    `powers` (n,), `tried` (n - 1,), `rate_sum` (n - 1,), `came_from_hottest` (n,).
+    """
+
+    def __init__(self, target: Target, cold: Chain, rng: np.random.Generator, plan: LadderPlan) -> None:
+        self.target = target
         self.spacing = SWAP_SPACING
-        self.ladder = Ladder(plan.first_powers(), finds_reach=plan.lowest is None)
-        self.cost = plan.cost if plan.cost is not None else occupied_cost(settings, len(cold.sensors.xy))
+        self.powers, self.finds_reach = plan.first_powers(), plan.lowest is None
+        n = len(self.powers)
+        self.tried = np.zeros(n - 1, np.int64)
+        self.rate_sum = np.zeros(n - 1)
+        self.came_from_hottest = np.arange(n) == n - 1
+        self.round_trips = 0
+        self.cost = plan.cost if plan.cost is not None else occupied_cost(target, len(cold.sensors.xy))
         self.first_step = int(cold.graph.counts[c.STEP])
-        self.swap_rng, *self.generators = rng.spawn(len(self.ladder.powers))
+        self.swap_rng, *self.generators = rng.spawn(n)
         self.hot = [without_image(cold) for _ in self.generators]
         self.apply_powers()
 
     def apply_powers(self) -> None:
         """Give every hot chain its power and the cost of occupied sensors."""
-        for chain, power in zip(self.hot, self.ladder.powers[1:], strict=True):
+        for chain, power in zip(self.hot, self.powers[1:], strict=True):
             chain.density[c.LIKELIHOOD_POWER] = power
             chain.density[c.OCCUPIED_COST] = self.cost
 
-    def start_at(self, coloring: Coloring) -> None:
-        """Before the first step: let every hot chain start from this map."""
-        self.hot = [with_map(chain, self.settings, coloring) for chain in self.hot]
+    def begin(self, chain: Chain) -> None:
+        """Before the first step: let every hot chain start from the map of the cold one."""
+        coloring = read_coloring(chain.graph)
+        self.hot = [with_map(hot, self.target, coloring) for hot in self.hot]
 
-    def report(self) -> SwapReport:
-        """Return powers, swap rates and round trips."""
-        ladder = self.ladder
-        tried = zip(ladder.rate_sum.tolist(), ladder.tried.tolist(), strict=True)
-        rates = [total / n if n > 0 else None for total, n in tried]
-        return SwapReport(ladder.powers.tolist(), rates, ladder.round_trips, self.first_step)
+    def report(self) -> dict[str, Any]:
+        """Return powers from 1 down, swaps, and the step at which tempering began.
+
+        `swap_rates` are mean probabilities of a swap of each pair of neighbours since the powers were last moved, None
+        where untried; `round_trips` are maps that returned to the cold chain from the hottest one, over the whole run.
+        """
+        tried = zip(self.rate_sum.tolist(), self.tried.tolist(), strict=True)
+        return {
+            "powers": self.powers.tolist(),
+            "swap_rates": [total / n if n > 0 else None for total, n in tried],
+            "round_trips": self.round_trips,
+            "first_step": self.first_step,
+        }
 
     def adapt(self, step: int) -> bool:
-        """Move the powers if it is time; return whether it was."""
-        if step - self.first_step not in ADAPTATIONS or self.ladder.tried.sum() == 0:
+        """Move the powers if it is time to where all pairs are expected to refuse alike; return whether it was."""
+        if step - self.first_step not in ADAPTATIONS or self.tried.sum() == 0:
             return False
-        self.ladder.even_out()
+        refusals = 1.0 - np.where(self.tried > 0, self.rate_sum / np.maximum(self.tried, 1), 0.5)
+        self.powers = even_powers(self.powers, refusals)
+        if self.finds_reach:
+            self.powers = stretched_powers(self.powers, float(refusals.mean()))
+        self.tried[:] = 0
+        self.rate_sum[:] = 0.0
         self.apply_powers()
         return True
 
@@ -194,50 +171,57 @@ class Tempering:
         for chain in self.hot:
             recompute_sums(chain)
 
-    def run_to(self, cold: Chain, rng: np.random.Generator, step: int) -> Chain:
-        """Run all chains up to `step`, swapping on the way; return the cold one."""
-        now = int(cold.graph.counts[c.STEP])
-        cold = run_chain(cold, rng, now)
-        while now < step:
-            now = min(step, now - now % self.spacing + self.spacing)
-            cold = run_chain(cold, rng, now)
-            for k, power in enumerate(self.ladder.powers[1:]):
-                if power > 0.0:
-                    self.hot[k] = run_chain(self.hot[k], self.generators[k], now)
-                else:
-                    self.hot[k].graph.counts[c.STEP] = now
-            if now % self.spacing == 0:
-                cold = self.swap(cold, (now // self.spacing) % 2)
-        return cold
+    def turn(self, step: int, stop: int, end: int) -> tuple[Steps, int]:
+        """Return the steps of all chains up to the next swap."""
+        return self.run_all, min(stop, step - step % self.spacing + self.spacing)
+
+    def run_all(self, cold: Chain, rng: np.random.Generator, step: int) -> Chain:
+        """Run all chains up to `step`, and swap if it is time; return the cold one."""
+        while not run(cold, rng, step):
+            cold = grow(cold)
+        for k, power in enumerate(self.powers[1:]):
+            if power > 0.0:
+                self.hot[k] = run_chain(self.hot[k], self.generators[k], step)
+            else:
+                self.hot[k].graph.counts[c.STEP] = step
+        return self.swap(cold, (step // self.spacing) % 2) if step % self.spacing == 0 else cold
 
     def swap(self, cold: Chain, parity: int) -> Chain:
         """Try to swap every second pair of neighbours, from the pair `parity` on; return the cold chain."""
         chains = [cold, *self.hot]
         for pair in range(parity, len(chains) - 1, 2):
-            if self.ladder.powers[pair + 1] == 0.0:
+            if self.powers[pair + 1] == 0.0:
                 chains[pair + 1] = self.drawn_from_prior()
             log_ratio = self.log_swap_ratio(pair, chains[pair], chains[pair + 1])
-            self.ladder.tried[pair] += 1
-            self.ladder.rate_sum[pair] += math.exp(min(0.0, log_ratio))
+            self.tried[pair] += 1
+            self.rate_sum[pair] += math.exp(min(0.0, log_ratio))
             if math.log(1.0 - self.swap_rng.random()) < log_ratio:
                 if pair == 0:
                     settle_image(cold)
                 chains[pair], chains[pair + 1] = exchanged(chains[pair], chains[pair + 1])
                 if pair == 0:
                     repaint(chains[0])
-                self.ladder.follow(pair)
+                self.follow(pair)
         cold, *self.hot = chains
         return cold
+
+    def follow(self, pair: int) -> None:
+        """Follow the maps of the chains `pair` and `pair` + 1 through their swap."""
+        seen = self.came_from_hottest
+        seen[pair], seen[pair + 1] = seen[pair + 1], seen[pair]
+        seen[-1] = True
+        if seen[0]:
+            seen[0] = False
+            self.round_trips += 1
 
     def log_swap_ratio(self, pair: int, colder: Chain, hotter: Chain) -> float:
         """Return the log of the ratio with which the maps of two neighbours change places."""
         if pair == 0 and hotter.graph.counts[c.OCCUPIED] > 0:
             return -math.inf
-        powers = self.ladder.powers
         gain = penalised_log_likelihood(hotter, self.cost) - penalised_log_likelihood(colder, self.cost)
-        return float((powers[pair] - powers[pair + 1]) * gain)
+        return float((self.powers[pair] - self.powers[pair + 1]) * gain)
 
     def drawn_from_prior(self) -> Chain:
         """Return the hottest chain at a fresh draw of the prior."""
-        draw = exact_draws(self.settings.scale, self.settings.window, 1, self.generators[-1])[0]
-        return with_map(self.hot[-1], self.settings, draw)
+        draw = exact_draws(self.target.scale, self.target.window, 1, self.generators[-1])[0]
+        return with_map(self.hot[-1], self.target, draw)

@@ -1,16 +1,59 @@
-"""The client of a Dask scheduler: what is wrong with it is reported in one line, and soon."""
+"""Who does the tasks of a long job: threads of this process, or the workers of a Dask scheduler.
+
+What is wrong with a scheduler is reported in one line, and soon.
+"""
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing, contextmanager
 from typing import Any
 
-from prf.shell.errors import ConfigError, InputError, require
+from prf.shell.errors import ConfigError, InputError, PrfError, require
 
 CONNECT_SECONDS = 10.0
 """A scheduler that does not answer for so long is not there."""
+RETRIES = 3
+"""Times that Dask repeats a task whose worker is lost."""
+LARGE_GRAPH = {"distributed.admin.large-graph-warning-threshold": "1TB"}
+"""A task holds all that it works on, so that another worker can repeat it: Dask warns of that from 10 MB on."""
+
+
+Workers = Callable[..., Iterable[Any]]
+"""Yields what a function returns for each task, in their order, as :func:`map` does."""
+
+
+@contextmanager
+def open_pool(threads: int, scheduler: str | None, tool: str, version: Callable[[], str]) -> Iterator[Workers]:
+    """Give what maps a function over tasks: in threads, or on the workers of the scheduler at an address.
+
+    There each task works on a copy of its arguments. Errors as :func:`open_client`; InputError also if scheduler or
+    workers are lost.
+    """
+    if scheduler is None:
+        with ThreadPoolExecutor(threads) as pool:
+            yield pool.map
+    else:
+        with open_client(scheduler, tool, version) as client:
+            yield lambda function, *tasks: _on_cluster(client, scheduler, function, *tasks)
+
+
+def _on_cluster(client: Any, address: str, function: Callable[..., Any], *tasks: Iterable[Any]) -> Iterator[Any]:
+    dask = require("distributed", "distributed", "--scheduler")
+    with require("dask", "distributed", "--scheduler").config.set(LARGE_GRAPH):
+        rows = zip(*tasks, strict=False)
+        futures = [client.submit(function, *each, pure=False, retries=RETRIES) for each in rows]
+    try:
+        for future in futures:
+            yield future.result()
+    except PrfError:
+        raise
+    except (dask.CancelledError, dask.KilledWorker, OSError, TimeoutError) as error:
+        raise InputError(
+            f"--scheduler {address}: scheduler or workers are lost ({type(error).__name__}). Start them again."
+        ) from error
 
 
 @contextmanager

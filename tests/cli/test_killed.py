@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from prf.sampler import driver
+from prf.sampler import session
 from prf.shell.cli import files
 from tests.cli.calls import VERBS, Verb, call
 from tests.conftest import ROOT
@@ -45,7 +45,7 @@ def kill_before(name: str, nth: int, folder: Path, monkeypatch: pytest.MonkeyPat
         os.rename(source, target)
 
     with monkeypatch.context() as patched:
-        patched.setattr(driver, "CHECKPOINT_SECONDS", 0.0)
+        patched.setattr(session, "CHECKPOINT_SECONDS", 0.0)
         patched.setattr(files.os, "replace", replace)
         patched.setattr(files, "remove_temporary", lambda path: None)  # as a killed process leaves them
         with pytest.raises(Killed):

@@ -242,10 +242,10 @@ def test_a_dense_public_log_keeps_the_density(shared_data: Path) -> None:
 
     readings = read_readings(str(shared_data / "prf" / "carmen" / "intel-corrected.log.gz"))
     prepared = prepare(Configuration.of(max_range=40.0, beam_density=20.0), readings)
-    assert prepared.settings.laser is not None
-    assert len(prepared.settings.laser.readings.range) + prepared.n_beams_thinned == readings.n_beams
-    assert 18_000 < len(prepared.settings.laser.readings.range) < 22_000
-    assert np.isin(prepared.settings.laser.readings.scan, readings.scan).all()
+    assert prepared.target.laser is not None
+    assert len(prepared.target.laser.readings.range) + prepared.n_beams_thinned == readings.n_beams
+    assert 18_000 < len(prepared.target.laser.readings.range) < 22_000
+    assert np.isin(prepared.target.laser.readings.scan, readings.scan).all()
 
 
 # One command makes a useful picture, also of a log whose poses are odometry or in a file.

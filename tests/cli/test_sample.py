@@ -15,7 +15,7 @@ import pytest
 
 from prf.model.coloring import violations
 from prf.output.run import read_run
-from prf.sampler import chains
+from prf.sampler import ensemble
 from tests.cli.calls import prf
 
 TEMPERATURES = ("--set", "sampler.temperatures=3")
@@ -143,7 +143,7 @@ def test_chains_that_disagree_get_a_ladder_and_report_it(
     log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Chains from contours are far from agreement after 40,000 steps; resumed or not, the run is the same."""
-    monkeypatch.setattr(chains, "FIRST_LOOK", 40_000)
+    monkeypatch.setattr(ensemble, "FIRST_LOOK", 40_000)
     monkeypatch.setattr("prf.results.convergence.STALLED", 0.0)
     args = ("--laser", str(log), *QUICK, "--set", "sampler.temperatures=auto", "--seed", "5")
     whole, parts = tmp_path / "whole", tmp_path / "parts"

@@ -117,12 +117,12 @@ def test_the_cone_of_the_log_overrides_the_option(tmp_path: Path) -> None:
     table = tmp_path / "ring.csv"
     table.write_text("x,y,theta,range\n5,5,0,1\n5,5,1,2\n")
     prepared = read_prepared(None, Configuration.of(sonar_cone=0.2), str(table))
-    assert prepared.settings.sonar is not None
-    assert prepared.settings.sonar.readings.cone.tolist() == [0.2, 0.2]
+    assert prepared.target.sonar is not None
+    assert prepared.target.sonar.readings.cone.tolist() == [0.2, 0.2]
     table.write_text("x,y,theta,range,cone\n5,5,0,1,0.5\n5,5,1,2,0.6\n")
     prepared = read_prepared(None, Configuration.of(sonar_cone=0.2), str(table))
-    assert prepared.settings.sonar is not None
-    assert prepared.settings.sonar.readings.cone.tolist() == [0.5, 0.6]
+    assert prepared.target.sonar is not None
+    assert prepared.target.sonar.readings.cone.tolist() == [0.5, 0.6]
 
 
 def test_json_describes_a_run_with_sonar(both: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -136,16 +136,16 @@ def test_json_describes_a_run_with_sonar(both: Path, capsys: pytest.CaptureFixtu
 def test_a_restored_chain_has_room_for_what_its_cones_see(both: Path) -> None:
     """A grown graph brings more edges than a fresh chain has room for."""
     from prf.model.layout import grow
-    from prf.sampler.chains import Sampler
     from prf.sampler.checkpoint import chain_arrays, restore
-    from prf.sampler.prepare import make_settings
+    from prf.sampler.ensemble import Ensemble
+    from prf.sampler.prepare import make_target
     from prf.sampler.session import stored_config
     from prf.shell.cli.provenance import spawn_generators
 
     run = read_run(both)
     config, seed = stored_config(run, both)
-    with Sampler(make_settings(config, run.laser, run.sonar), spawn_generators(seed, 2), 1) as sampler:
-        one, two = sampler.chains
-        one.chain = grow(one.chain)
-        restore(two, chain_arrays(one))
-        assert len(two.chain.cones.sight.line) == len(two.chain.graph.edge_length) + c.MOST_CHANGES
+    sampler = Ensemble(make_target(config, run.laser, run.sonar), spawn_generators(seed, 2))
+    one, two = sampler.chains
+    one.chain = grow(one.chain)
+    restore(two, chain_arrays(one))
+    assert len(two.chain.cones.sight.line) == len(two.chain.graph.edge_length) + c.MOST_CHANGES

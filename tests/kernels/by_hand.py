@@ -13,7 +13,7 @@ from prf.kernels.state.chain import Chain
 from prf.model.coloring import Coloring
 from prf.model.layout import make_targets, read_coloring
 from prf.model.window import INTERIOR, Window
-from prf.sampler.posterior import Settings
+from prf.sampler.target import Execution, Target, Tuning
 from tests.reference.hastings import Lab, attempt, is_same_map, make_lab, shares_of
 from tests.reference.plain_map import Point, plain_map
 from tests.reference.scripted import SCRIPTS, scripted
@@ -34,11 +34,16 @@ def lab_at(
     returns: Sequence[Point] = (),
 ) -> Lab:
     """Settings with cells of side `cell`, and squares of side `side` round the returns, at which births are aimed."""
-    settings = Settings(window, 1.0, cell=cell, local_share=local_share, cut_reach=REACH, join_reach=REACH)
-    lab = make_lab(settings, np.random.default_rng(4))
+    target = Target(
+        window,
+        1.0,
+        tuning=Tuning(local_share=local_share, cut_reach=REACH, join_reach=REACH),
+        execution=Execution(cell=cell),
+    )
+    lab = make_lab(target, np.random.default_rng(4))
     targets = make_targets(window, side, np.array(returns).reshape(-1, 2))
     shares = shares_of(targets)
-    return Lab(settings, lab.plan._replace(aimed=aimed, target_grid=targets.grid, targets=shares), targets)
+    return Lab(target, lab.plan._replace(aimed=aimed, target_grid=targets.grid, targets=shares), targets)
 
 
 def drawn(window: Window, *lines: Sequence[Point], black: bool = False) -> Coloring:

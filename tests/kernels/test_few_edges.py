@@ -12,7 +12,7 @@ from prf.kernels import constants as c
 from prf.model.coloring import Coloring
 from prf.model.layout import read_coloring
 from prf.model.window import BOTTOM, INTERIOR, TOP, Window
-from prf.sampler.posterior import Settings
+from prf.sampler.target import Execution, Target, Tuning
 from tests.kernels.by_hand import REACH, chain_listed, drawn, is_legal, lab_at, log_ratio
 from tests.reference.hastings import NAMES, Lab, attempt, is_same_map, log_ratio_back, make_lab, proposed_coloring
 from tests.reference.plain_map import plain_map
@@ -152,7 +152,9 @@ SMALLEST = {
 
 @pytest.fixture(scope="module")
 def lab() -> Lab:
-    return make_lab(Settings(WINDOW, 1.0, cell=0.1, cut_reach=0.03), np.random.default_rng(1))
+    return make_lab(
+        Target(WINDOW, 1.0, tuning=Tuning(cut_reach=0.03), execution=Execution(cell=0.1)), np.random.default_rng(1)
+    )
 
 
 @pytest.mark.parametrize("move", SMALLEST, ids=[NAMES[move] for move in SMALLEST])

@@ -14,7 +14,8 @@ from prf.kernels import constants as c
 from prf.kernels.step import run
 from prf.model.coloring import Coloring
 from prf.model.window import Window
-from prf.sampler.posterior import Settings, make_chain
+from prf.sampler.state import make_chain
+from prf.sampler.target import Target
 
 ROOM = Window(0.0, 0.0, 10.0, 10.0)
 
@@ -37,7 +38,7 @@ def test_no_entry_without_reference_counts_takes_a_generator():
 
 
 def test_a_generator_is_let_go_after_every_call():
-    chain, rng = make_chain(Settings(ROOM, 0.2), Coloring.empty(ROOM)), np.random.default_rng(1)
+    chain, rng = make_chain(Target(ROOM, 0.2), Coloring.empty(ROOM)), np.random.default_rng(1)
     before = sys.getrefcount(rng)
     for _ in range(50):
         run(chain, rng, int(chain.graph.counts[c.STEP]) + 3)

@@ -16,7 +16,8 @@ from prf.model.laser import laser_array
 from prf.model.layout import grow
 from prf.model.sensors import LaserModel
 from prf.model.window import Window
-from prf.sampler.posterior import Settings, make_chain
+from prf.sampler.state import make_chain
+from prf.sampler.target import Execution, Target
 from tests.kernels.entries import decide_early, log_likelihoods
 from tests.reference.beams import Sensor, density, draw_readings, log_likelihood, mass_from, mass_of_no_return
 from tests.reference.worlds import draw_world
@@ -126,7 +127,7 @@ MODELS = [LaserModel(6.0), LaserModel(6.0, noise=0.1, noise_relative=0.05), Lase
 def test_early_decisions_are_the_same(model: LaserModel) -> None:
     rng = np.random.default_rng(4)
     data = dataclasses.replace(draw_world(0.3, ROOM, Sensor(6.0), 4, 60, rng).data, model=model)
-    chain = make_chain(Settings(ROOM, 0.3, data, cell=0.7), Coloring.empty(ROOM))
+    chain = make_chain(Target(ROOM, 0.3, data, execution=Execution(cell=0.7)), Coloring.empty(ROOM))
     counts = np.zeros(4, np.int64)
     for steps in range(2_000, 40_001, 2_000):
         while not run(chain, rng, steps):

@@ -18,9 +18,9 @@ from prf.kernels.readings import cones
 from prf.kernels.state.build import recompute_sums, trace_all
 from prf.model.arak import exact_draws
 from prf.model.coloring import black_at
-from prf.model.layout import run_chain
 from prf.model.window import Window
-from prf.sampler.posterior import Settings, make_chain, poses_of, rays_of
+from prf.sampler.state import make_chain, run_chain
+from prf.sampler.target import Execution, Target, poses_of, rays_of
 from tests.reference.beams import Sensor
 from tests.reference.chain_state import structural_faults
 from tests.reference.pose_worlds import BARE, BOTH, DRIVEN, LASER, Rig, begin, draw_pose_world, scratch
@@ -58,17 +58,17 @@ def test_readings_are_placed_as_if_they_were_read_there() -> None:
     rng = np.random.default_rng(2)
     world = draw_pose_world(FAR, rng)
     chain, turns = begin(world)
-    kinds = rays_of(world.settings)[:, c.RANGE] >= 0.0, poses_of(world.settings)[:, cones.READING] < np.inf
+    kinds = rays_of(world.target)[:, c.RANGE] >= 0.0, poses_of(world.target)[:, cones.READING] < np.inf
     changed = 0
     for _ in range(10):
         turns.state.pose[:] = world.truth + rng.normal(0.0, 0.1, (FAR.n, 3))
         ray, cone = chain.beams.ray.copy(), chain.cones.pose.copy()
         place_readings(turns.state, chain.graph.window, chain.beams.model, FAR.ring.max, ray, cone)
-        settings = placed(world.settings, turns.state.pose)
-        rays, poses = rays_of(settings), poses_of(settings)
+        target = placed(world.target, turns.state.pose)
+        rays, poses = rays_of(target), poses_of(target)
         same = (rays[:, c.RANGE] >= 0.0) == kinds[0]
         np.testing.assert_allclose(ray[same, : c.RANGE + 1], rays[same, : c.RANGE + 1], rtol=1e-12, atol=1e-12)
-        assert (ray[kinds[0], c.RANGE] == world.settings.laser.readings.range[kinds[0]]).all()
+        assert (ray[kinds[0], c.RANGE] == world.target.laser.readings.range[kinds[0]]).all()
         same = (poses[:, cones.READING] < np.inf) == kinds[1]
         np.testing.assert_allclose(cone[same, : cones.MAX_DISTANCE], poses[same, : cones.MAX_DISTANCE], rtol=1e-9)
         reach = np.where(kinds[1] & same, np.maximum(poses[:, 6], poses[:, 5] * (1 + 1e-6)), poses[:, 6])[same]
@@ -78,25 +78,25 @@ def test_readings_are_placed_as_if_they_were_read_there() -> None:
     assert changed < 20
 
 
-def placed(settings: Settings, pose: np.ndarray) -> Settings:
+def placed(target: Target, pose: np.ndarray) -> Target:
     """The settings with all readings where these poses have them."""
-    assert settings.poses is not None
-    assert settings.laser is not None
-    assert settings.sonar is not None
-    laser, sonar = settings.poses.placed(settings.laser.readings, settings.sonar.readings, pose)
+    assert target.poses is not None
+    assert target.laser is not None
+    assert target.sonar is not None
+    laser, sonar = target.poses.placed(target.laser.readings, target.sonar.readings, pose)
     assert laser is not None
     assert sonar is not None
     return dataclasses.replace(
-        settings,
-        laser=dataclasses.replace(settings.laser, readings=laser),
-        sonar=dataclasses.replace(settings.sonar, readings=sonar),
+        target,
+        laser=dataclasses.replace(target.laser, readings=laser),
+        sonar=dataclasses.replace(target.sonar, readings=sonar),
     )
 
 
 def test_a_place_is_white_where_the_map_is() -> None:
     rng, room = np.random.default_rng(3), Window(-3.0, 1.0, 2.0, 4.0)
     for coloring in exact_draws(0.5, room, 12, rng):
-        chain = make_chain(Settings(room, 0.5, cell=0.4), coloring)
+        chain = make_chain(Target(room, 0.5, execution=Execution(cell=0.4)), coloring)
         places = np.vstack([rng.uniform(room[:2], room[2:], (40, 2)), [(-0.5, 2.5)]])
         anchor = chain.graph.counts[c.ANCHOR_BLACK]
         found = [is_white(chain.graph, chain.edge_index, anchor, x, y, np.zeros(8)) for x, y in places.tolist()]
@@ -114,7 +114,7 @@ def test_readings_gain_what_a_chain_made_at_the_new_poses_has_more() -> None:
     state, held = turns.state, 0
     for _ in range(12):
         state.new_pose[:] = world.truth + rng.normal(0.0, 0.03, (FAR.n, 3))
-        there = placed(world.settings, state.new_pose)
+        there = placed(world.target, state.new_pose)
         fresh = make_chain(there, world.coloring)
         places = np.concatenate([there.laser.readings.origin, there.sonar.readings.origin])
         assert all(
@@ -267,7 +267,7 @@ def test_what_is_added_up_is_that_of_map_and_poses(rig: Rig) -> None:
 def test_the_image_follows_a_turn() -> None:
     rng = np.random.default_rng(11)
     world = draw_pose_world(LASER, rng)
-    chain, turns = begin(world._replace(settings=dataclasses.replace(world.settings, resolution=0.5)))
+    chain, turns = begin(world._replace(target=world.target.with_execution(resolution=0.5)))
     turns.warps = 0.5
     assert differences(turns.move(chain, rng, 30)) == []
     assert turns.state.outcomes[WARP, c.ACCEPTED] > 0

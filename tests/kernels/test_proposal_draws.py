@@ -296,7 +296,7 @@ def density(start: Chain, move: int, branch: Branch, target: PlainMap) -> float:
 def test_sides_come_in_proportion_to_their_lengths() -> None:
     """By the number that picks the side of a birth, at both ends of the stretch of each side."""
     lab = make_lab(CASES[1], np.random.default_rng(SEED))
-    window = lab.settings.window
+    window = lab.target.window
     for side in SIDES:
         ends = [sum(window.side_length(s) for s in range(k)) / window.perimeter for k in (side, side + 1)]
         for share in (ends[0] + 1e-12, ends[1] - 1e-12):
@@ -310,7 +310,7 @@ def test_sides_come_in_proportion_to_their_lengths() -> None:
 @pytest.mark.parametrize("side", SIDES)
 def test_near_a_corner_is_a_reach_from_it_along_each_side(side: int) -> None:
     lab = make_lab(CASES[1], np.random.default_rng(SEED))
-    window, m = lab.settings.window, lab.plan.birth_reach
+    window, m = lab.target.window, lab.plan.birth_reach
     corner = corner_between(window, side, (side + 1) % 4)
     assert corner is not None
     numbers = [below(lab.plan.local), (side + 0.5) / 4.0, reached(0.2, m), reached(0.3, m)]
@@ -344,8 +344,8 @@ def densities(lab: Lab, move: int, start: Chain, end: Chain) -> tuple[float, flo
 def test_draws_have_the_density_of_the_reference(move: int) -> None:
     rng = np.random.default_rng(SEED)
     n = 0
-    for settings in CASES:
-        lab = make_lab(settings, rng)
+    for target in CASES:
+        lab = make_lab(target, rng)
         for start, end in proposals(lab, move, rng):
             found, expected = densities(lab, move, start, end)
             assert found == pytest.approx(expected, rel=NEAR)
@@ -373,7 +373,7 @@ def idle_choices(lab: Lab, move: int, start: Chain, end: Chain) -> int:
 @pytest.mark.parametrize("move", SCRIPTS, ids=[NAMES[move] for move in SCRIPTS])
 def test_of_two_ways_each_leads_elsewhere(move: int) -> None:
     rng = np.random.default_rng(SEED)
-    for settings in CASES[:2]:
-        lab = make_lab(settings, rng)
+    for target in CASES[:2]:
+        lab = make_lab(target, rng)
         start, end = next(proposals(lab, move, rng))
         assert idle_choices(lab, move, start, end) == 0

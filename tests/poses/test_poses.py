@@ -56,9 +56,9 @@ def test_chains_start_as_all_readings_have_it_however_few_are_used():
     noise = (0.15, 0.03)
     given = TRUTH + np.random.default_rng(3).normal(size=TRUTH.shape) * [noise[0], *noise]
     config = Configuration.of(pose_noise=noise, beam_density=4.0)
-    settings = prepare(config, readings_at(ROOM, TRUTH, given)).settings
-    assert settings.laser.readings.n_beams < 15 * len(TRUTH)
-    model = settings.poses
+    target = prepare(config, readings_at(ROOM, TRUTH, given)).target
+    assert target.laser.readings.n_beams < 15 * len(TRUTH)
+    model = target.poses
     drawn = [model.draw_start(np.random.default_rng(seed)) for seed in (1, 2)]
     assert max(off(poses, TRUTH[model.scan]) for poses in drawn) < off(given, TRUTH) / 3.0
     assert off(*drawn) > 0.002

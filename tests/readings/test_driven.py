@@ -14,9 +14,10 @@ from prf.model.sensors import LaserModel
 from prf.model.window import Window
 from prf.readings import Readings
 from prf.readings.ground import LONGEST_JOIN, STRAIGHT, cleared, sensor_tracks, way_guards, way_of, ways_near
-from prf.sampler.posterior import LaserData, Settings, make_chain
 from prf.sampler.prepare import prepare
 from prf.sampler.starts import contour_map, find_start_map, map_of_region
+from prf.sampler.state import make_chain
+from prf.sampler.target import Target, laser_data
 from tests.reference.beams import Sensor
 from tests.reference.free_way import is_free
 from tests.reference.worlds import draw_world
@@ -83,7 +84,7 @@ def test_guards_hold_the_pieces_in_every_cell_that_they_come_near() -> None:
     shapes = way_guards(pieces, RADIUS)
     assert shapes[:, 0].tolist() == [GUARD_WAY, GUARD_WAY]
     assert shapes[:, 5].tolist() == [RADIUS + STRAIGHT] * 2
-    chain = make_chain(Settings(ROOM, 0.2, way=pieces, driven_radius=RADIUS), Coloring.empty(ROOM))
+    chain = make_chain(Target(ROOM, 0.2, way=pieces, driven_radius=RADIUS), Coloring.empty(ROOM))
     grid, lists = chain.edge_index.grid, chain.guards.lists
     low = np.array([grid.x0, grid.y0]) + grid.cell * np.indices((grid.nx, grid.ny)).reshape(2, -1).T
     cells = shapely.box(*low.T, *(low + grid.cell).T)
@@ -119,41 +120,41 @@ def test_a_ring_counts_as_its_middle_scan_by_scan() -> None:
 def test_the_configuration_decides_about_the_way() -> None:
     log = readings([[1.0, 1.0], [1.5, 1.0], [2.0, 1.0]], [0, 1, 2], np.pi / 2)
     config = Configuration.of(window=(*ROOM,), max_range=5.0, resolution=0.5)
-    assert prepare(config, log).settings.way.tolist() == [[1.0, 1.0, 2.0, 1.0]]
-    assert prepare(config, log).settings.driven_radius == 0.1
+    assert prepare(config, log).target.way.tolist() == [[1.0, 1.0, 2.0, 1.0]]
+    assert prepare(config, log).target.driven_radius == 0.1
     whole = readings([[1.0, 1.0], [1.5, 1.0], [2.0, 1.0], [2.0, 2.0]], [0, 1, 2, 3])
-    assert prepare(config, log, driven=[whole]).settings.way.tolist() == [[1.0, 1.0, 2.0, 1.0], [2.0, 1.0, 2.0, 2.0]]
+    assert prepare(config, log, driven=[whole]).target.way.tolist() == [[1.0, 1.0, 2.0, 1.0], [2.0, 1.0, 2.0, 2.0]]
     none = config.replace(driven_radius=0.0)
-    assert len(prepare(none, log).settings.way) == 0
+    assert len(prepare(none, log).target.way) == 0
 
 
-def driven_settings(seed: int) -> Settings:
+def driven_settings(seed: int) -> Target:
     """A laser in a world of the prior, driven for a metre from each of its places, whatever stood there."""
     found = draw_world(0.3, ROOM, Sensor(6.0), 6, 30, np.random.default_rng(seed))
     place = np.unique(found.data.readings.origin, axis=0)
     to = np.clip(place + np.random.default_rng(seed).normal(0.0, 0.7, place.shape), 0.01, 9.99)
-    return Settings(ROOM, 0.3, found.data, way=np.hstack([place, to]), driven_radius=0.3)
+    return Target(ROOM, 0.3, found.data, way=np.hstack([place, to]), driven_radius=0.3)
 
 
 @pytest.mark.parametrize("seed", range(8))
 def test_every_start_leaves_the_way_free(seed: int) -> None:
-    settings, rng = driven_settings(seed), np.random.default_rng(seed)
+    target, rng = driven_settings(seed), np.random.default_rng(seed)
     for coloring in (
-        contour_map(settings, rng),
-        find_start_map("prior", settings, rng, lambda: True),
-        map_of_region(shapely.box(*ROOM), settings),
-        find_start_map("empty", settings, rng, lambda: False),
+        contour_map(target, rng),
+        find_start_map("prior", target, rng, lambda: True),
+        map_of_region(shapely.box(*ROOM), target),
+        find_start_map("empty", target, rng, lambda: False),
     ):
         assert not violations(coloring)
-        assert is_free(settings, coloring)
-    assert find_start_map("prior", settings, rng, lambda: True).n_edges > 0
+        assert is_free(target, coloring)
+    assert find_start_map("prior", target, rng, lambda: True).n_edges > 0
 
 
 def test_a_search_that_ends_by_itself_leaves_the_way_free_too(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("prf.sampler.starts.LOOK", 1000)
-    settings = driven_settings(2)
-    coloring = find_start_map("prior", settings, np.random.default_rng(1), lambda: False)
-    assert is_free(settings, coloring)
+    target = driven_settings(2)
+    coloring = find_start_map("prior", target, np.random.default_rng(1), lambda: False)
+    assert is_free(target, coloring)
 
 
 def test_many_positions_and_returns_take_no_memory_of_all_pairs() -> None:
@@ -164,6 +165,6 @@ def test_many_positions_and_returns_take_no_memory_of_all_pairs() -> None:
 
 
 def test_settings_have_no_driven_way_by_default() -> None:
-    laser = LaserData.from_arrays(np.array([[5.0, 5.0]]), np.zeros(1), np.ones(1), LaserModel(3.0))
-    chain = make_chain(Settings(ROOM, 0.2, laser), Coloring.empty(ROOM))
+    laser = laser_data(np.array([[5.0, 5.0]]), np.zeros(1), np.ones(1), LaserModel(3.0))
+    chain = make_chain(Target(ROOM, 0.2, laser), Coloring.empty(ROOM))
     assert chain.guards.lists.tolist() == [0]

@@ -31,7 +31,8 @@ from prf.model.arak import exact_draws
 from prf.model.coloring import Coloring, black_at, violations
 from prf.model.layout import grow, make_targets, read_coloring
 from prf.model.window import Window
-from prf.sampler.posterior import Settings, make_chain
+from prf.sampler.state import make_chain
+from prf.sampler.target import Execution, Target, Tuning
 from tests.reference.plain_map import anchor_changes, plain_map
 from tests.reference.proposals import REVERSE, Plan, log_acceptance_ratio, log_proposal_density
 from tests.reference.scripted import SCRIPTS, scripted
@@ -77,19 +78,18 @@ N_BETWEEN, N_ANYWHERE = 24, 8
 """Places at which colours are compared before and after a move."""
 
 CASES = (
-    Settings(Window(0.0, 0.0, 1.0, 1.0), 1.0, cell=0.2, cut_reach=0.03),
-    Settings(
+    Target(Window(0.0, 0.0, 1.0, 1.0), 1.0, tuning=Tuning(cut_reach=0.03), execution=Execution(cell=0.2)),
+    Target(
         Window(3.0, -1.5, 5.0, -0.5),
         0.7,
-        cell=0.07,
-        local_share=0.5,
-        birth_reach=0.4,
-        split_reach=0.1,
-        cut_reach=0.02,
+        tuning=Tuning(local_share=0.5, birth_reach=0.4, split_reach=0.1, cut_reach=0.02),
+        execution=Execution(cell=0.07),
     ),
-    Settings(Window(-0.5, 10.0, 0.5, 13.0), 0.5, local_share=0.9, move_reach=0.2),
-    Settings(Window(-5.0, -5.0, 5.0, 5.0), 0.12, cell=1.7, cut_reach=0.3),
-    Settings(Window(0.0, 0.0, 1.5, 1.0), 1.1, cell=0.05, birth_reach=0.02, cut_reach=0.01),
+    Target(Window(-0.5, 10.0, 0.5, 13.0), 0.5, tuning=Tuning(local_share=0.9, move_reach=0.2)),
+    Target(Window(-5.0, -5.0, 5.0, 5.0), 0.12, tuning=Tuning(cut_reach=0.3), execution=Execution(cell=1.7)),
+    Target(
+        Window(0.0, 0.0, 1.5, 1.0), 1.1, tuning=Tuning(birth_reach=0.02, cut_reach=0.01), execution=Execution(cell=0.05)
+    ),
 )
 
 
@@ -129,37 +129,37 @@ class Findings:
 class Lab(NamedTuple):
     """Settings, move probabilities that differ, targets, and what they mean to the reference."""
 
-    settings: Settings
+    target: Target
     plan: Plan
     targets: Targets
 
     def chain_at(self, coloring: Coloring) -> Chain:
-        chain = make_chain(self.settings, coloring)._replace(
+        chain = make_chain(self.target, coloring)._replace(
             move_probabilities=self.plan.move_probabilities, targets=self.targets
         )
         chain.tuning[c.AIMED_SHARE] = self.plan.aimed
         return chain
 
 
-def make_lab(settings: Settings, rng: np.random.Generator) -> Lab:
+def make_lab(target: Target, rng: np.random.Generator) -> Lab:
     """Move probabilities and targets at random; three births of five are aimed."""
-    chain = make_chain(settings, Coloring.empty(settings.window))
+    chain = make_chain(target, Coloring.empty(target.window))
     move_probabilities = rng.dirichlet(np.full(c.N_MOVES, 4.0))
     names = (c.BIRTH_REACH, c.SPLIT_REACH, c.MOVE_REACH, c.CUT_REACH, c.JOIN_REACH)
     reaches = [float(chain.tuning[k]) for k in names]
-    window = settings.window
+    window = target.window
     points = rng.uniform(window[:2], window[2:], (N_TARGETS, 2))
     targets = make_targets(window, max(window.width, window.height) / SQUARES, points)
     weight = np.cumsum(rng.exponential(size=len(targets.cell)))
     targets.cumulative[:] = weight / weight[-1]
-    plan = Plan(settings.scale, settings.local_share, *reaches, move_probabilities, chain.edge_index.grid)
+    plan = Plan(target.scale, target.tuning.local_share, *reaches, move_probabilities, chain.edge_index.grid)
     aimed = plan._replace(
         aimed=0.6,
         aim_reach=float(chain.tuning[c.AIM_REACH]),
         target_grid=targets.grid,
         targets=shares_of(targets),
     )
-    return Lab(settings, aimed, targets)
+    return Lab(target, aimed, targets)
 
 
 def shares_of(targets: Targets) -> dict[tuple[int, int], float]:
@@ -177,8 +177,8 @@ def tries(move: int) -> int:
 
 def states(lab: Lab, n: int, rng: np.random.Generator) -> Iterator[Chain]:
     """Yield chains at exact draws of 5 to 40 edges that made some steps, and some births and changes of walls more."""
-    settings = lab.settings
-    draws = [d for d in exact_draws(settings.scale, settings.window, 5 * n, rng) if 5 <= d.n_edges <= 40]
+    target = lab.target
+    draws = [d for d in exact_draws(target.scale, target.window, 5 * n, rng) if 5 <= d.n_edges <= 40]
     for draw in draws[:n]:
         chain = lab.chain_at(draw)
         while not run(chain, rng, 50):
@@ -204,7 +204,7 @@ def states(lab: Lab, n: int, rng: np.random.Generator) -> Iterator[Chain]:
 
 def small_states(lab: Lab, rng: np.random.Generator) -> Iterator[Chain]:
     """Yield the empty map, those that one birth makes of it, and these with an edge split."""
-    empty = lab.chain_at(Coloring.empty(lab.settings.window))
+    empty = lab.chain_at(Coloring.empty(lab.target.window))
     yield empty
     for birth in (c.TRIANGLE_BIRTH, c.BOUNDARY_BIRTH, c.CORNER_BIRTH):
         chain = copy.deepcopy(empty)
@@ -340,8 +340,8 @@ def examine(n_states: int, seed: int) -> dict[str, Findings]:
     """Attempt every move in `n_states` states of each case."""
     rng = np.random.default_rng(seed)
     findings = {name: Findings() for name in NAMES}
-    for number, settings in enumerate(CASES):
-        lab = make_lab(settings, rng)
+    for number, target in enumerate(CASES):
+        lab = make_lab(target, rng)
         for chain in states(lab, n_states, rng):
             for move, name in enumerate(NAMES):
                 try_move(lab, move, chain, rng, findings[name])

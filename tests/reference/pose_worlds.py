@@ -16,13 +16,14 @@ from prf.kernels.state.edge_index import EdgeIndex
 from prf.kernels.state.graph import Graph
 from prf.model.arak import exact_draws
 from prf.model.coloring import Coloring, black_at
-from prf.model.layout import run_chain
 from prf.model.window import Window
 from prf.poses.model import PoseModel, PosePrior, pose_model
 from prf.poses.plane import Floats, compose
 from prf.readings import LogNotes, Readings, ScanTable
 from prf.sampler.poses import PoseTurns
-from prf.sampler.posterior import LaserData, Settings, SonarData, make_chain
+from prf.sampler.schedules import Plain
+from prf.sampler.state import make_chain
+from prf.sampler.target import Execution, LaserData, SonarData, Target
 from tests.reference.beams import Sensor, draw_readings
 from tests.reference.slow_sonar import Cone, Ring
 from tests.reference.sonar_worlds import draw_data
@@ -62,12 +63,12 @@ class PoseWorld(NamedTuple):
 
     coloring: Coloring
     truth: Floats  # (n, 3)
-    settings: Settings
+    target: Target
 
     @property
     def model(self) -> PoseModel:
-        assert self.settings.poses is not None
-        return self.settings.poses
+        assert self.target.poses is not None
+        return self.target.poses
 
 
 def unread(rig: Rig, n_readings: int, cone: float = 0.0) -> Readings:
@@ -118,26 +119,26 @@ def read(
     sonar: Readings | None,
     coloring: Coloring,
     rng: np.random.Generator,
-) -> Settings:
+) -> Target:
     """The posterior of readings drawn in a map by sensors where they truly are."""
-    settings = Settings(rig.window, rig.scale, poses=model, cell=0.5)
+    target = Target(rig.window, rig.scale, poses=model, execution=Execution(cell=0.5))
     if laser is not None:
         data = LaserData(laser, model_of(rig.sensor))
-        distance = make_chain(dataclasses.replace(settings, laser=data), coloring).beams.ray[:, c.DISTANCE]
+        distance = make_chain(dataclasses.replace(target, laser=data), coloring).beams.ray[:, c.DISTANCE]
         ranges = draw_readings(rig.sensor, distance, rng)
-        settings = dataclasses.replace(settings, laser=LaserData(dataclasses.replace(laser, range=ranges), data.model))
+        target = dataclasses.replace(target, laser=LaserData(dataclasses.replace(laser, range=ranges), data.model))
     if sonar is not None:
         cones = [Cone(*row) for row in np.column_stack([sonar.origin, sonar.angle, sonar.cone]).tolist()]
         heard = draw_data(coloring, rig.ring, cones, rng).readings.range
         heard_at = dataclasses.replace(sonar, range=heard)
-        settings = dataclasses.replace(settings, sonar=SonarData(heard_at, sonar_model_of(rig.ring)))
-    return settings
+        target = dataclasses.replace(target, sonar=SonarData(heard_at, sonar_model_of(rig.ring)))
+    return target
 
 
 def begin(world: PoseWorld) -> tuple[Chain, PoseTurns]:
     """A chain at the truth, and how its poses move: which must not depend on the truth."""
-    chain = make_chain(world.settings, world.coloring)
-    turns = PoseTurns(world.settings, chain, run_chain)
+    chain = make_chain(world.target, world.coloring)
+    turns = PoseTurns(world.target, chain, Plain())
     turns.state.start[:] = world.model.prior.given
     return turns.place(chain, world.truth), turns
 

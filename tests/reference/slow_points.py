@@ -11,7 +11,7 @@ from scipy.special import expit
 
 from prf.model.coloring import Coloring, black_at
 from prf.model.sensors import PointModel
-from prf.sampler.posterior import PointData
+from prf.sampler.target import PointData, point_data
 
 
 class Normal(NamedTuple):
@@ -54,12 +54,14 @@ Law = Normal | Flips
 
 def observe(coloring: Coloring, law: Law, xy: np.ndarray, rng: np.random.Generator) -> PointData:
     """Draw the values at some places of a map."""
-    return PointData.from_arrays(xy, law.draw(black_at(coloring, xy), rng), law.model)
+    return point_data(xy, law.draw(black_at(coloring, xy), rng), law.model)
 
 
 def log_likelihood(coloring: Coloring, law: Law, data: PointData) -> float:
-    colours = black_at(coloring, data.table.xy).tolist()
-    return sum(law.log_density(value, black) for value, black in zip(data.table.value.tolist(), colours, strict=True))
+    colours = black_at(coloring, data.readings.xy).tolist()
+    return sum(
+        law.log_density(value, black) for value, black in zip(data.readings.value.tolist(), colours, strict=True)
+    )
 
 
 def most_likely_sigma(values: np.ndarray, black: float, white: float) -> float:

@@ -12,7 +12,7 @@ from prf.model.coloring import Coloring
 from prf.model.coloring.polygons import from_polygons
 from prf.model.sensors import SonarModel
 from prf.model.window import Window
-from prf.sampler.posterior import SonarData
+from prf.sampler.target import SonarData, sonar_data
 from tests.reference.slow_sonar import Cone, Floats, Ring, draw_reading, features, reach_in
 from tests.reference.worlds import draw_white
 
@@ -53,7 +53,7 @@ def ring_all_round(place: Floats, n_cones: int, view: float, rng: np.random.Gene
 
 def data_of(ring: Ring, cones: list[Cone], readings: Floats) -> SonarData:
     rows = np.array(cones).reshape(-1, 4)
-    return SonarData.from_arrays(rows[:, :2].copy(), rows[:, 2].copy(), rows[:, 3].copy(), readings, model_of(ring))
+    return sonar_data(rows[:, :2].copy(), rows[:, 2].copy(), rows[:, 3].copy(), readings, model_of(ring))
 
 
 def draw_data(coloring: Coloring, ring: Ring, cones: list[Cone], rng: np.random.Generator) -> SonarData:

@@ -11,7 +11,7 @@ from prf.model.arak import exact_draws
 from prf.model.coloring import Coloring, black_at
 from prf.model.sensors import LaserModel
 from prf.model.window import Window
-from prf.sampler.posterior import LaserData
+from prf.sampler.target import LaserData, laser_data
 from tests.reference.beams import Sensor, draw_readings, impacts
 
 
@@ -45,7 +45,7 @@ def draw_world(
     )
     origin = np.repeat(place, n_beams, axis=0)
     readings = draw_readings(sensor, impacts(coloring, origin, angle, sensor.max), rng)
-    return World(coloring, LaserData.from_arrays(origin, angle, readings, model_of(sensor)))
+    return World(coloring, laser_data(origin, angle, readings, model_of(sensor)))
 
 
 def office(data_dir: Path, every_scan: int, every_beam: int) -> tuple[Window, LaserData]:
@@ -54,6 +54,4 @@ def office(data_dir: Path, every_scan: int, every_beam: int) -> tuple[Window, La
     from prf.readings.thinning import thin
 
     readings = thin(read_readings(str(data_dir / "demo-office.log.gz")), every_scan=every_scan, every_beam=every_beam)
-    return Window(-1.0, -1.0, 23.0, 15.0), LaserData.from_arrays(
-        readings.origin, readings.angle, readings.range, LaserModel(29.0)
-    )
+    return Window(-1.0, -1.0, 23.0, 15.0), laser_data(readings.origin, readings.angle, readings.range, LaserModel(29.0))

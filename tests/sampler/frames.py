@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from prf.model.coloring import Coloring
 from prf.model.layout import image_grid, pixel_centres, read_coloring
 from prf.model.window import Window
-from prf.sampler.chain import ChainSampler
-from prf.sampler.posterior import LaserData, Settings
+from prf.sampler.chain import ChainRun
+from prf.sampler.target import Execution, Target, laser_data
 from tests.reference.beams import Sensor
 from tests.reference.worlds import draw_world
 
@@ -27,7 +27,7 @@ PLACES = np.array([(x, y) for x in (2.25, 6.25, 9.75, 13.75) for y in (2.25, 5.7
 class Case(NamedTuple):
     """Settings, and how places of the first frame are found in theirs."""
 
-    settings: Settings
+    target: Target
     there: Callable[[Floats], Floats]
     unit: float = 1.0
 
@@ -35,22 +35,24 @@ class Case(NamedTuple):
 def first() -> Case:
     """Return a room with 360 beams as it is."""
     data = draw_world(SCALE, ROOM, Sensor(12.0, 0.05), 6, 60, np.random.default_rng(5)).data
-    return Case(Settings(ROOM, SCALE, data, resolution=0.5), lambda xy: xy)
+    return Case(Target(ROOM, SCALE, data, execution=Execution(resolution=0.5)), lambda xy: xy)
 
 
 def moved(case: Case, there: Callable[[Floats], Floats], turned: Callable[[Floats], Floats], unit: float = 1.0) -> Case:
     """Return a case with places and directions moved; lengths are `unit` times as long."""
-    settings, data = case.settings, case.settings.laser
+    target, data = case.target, case.target.laser
     assert data is not None
-    assert settings.resolution is not None
-    corners = there(np.array([settings.window[:2], settings.window[2:]]))
+    assert target.execution.resolution is not None
+    corners = there(np.array([target.window[:2], target.window[2:]]))
     window = Window(*corners.min(axis=0).tolist(), *corners.max(axis=0).tolist())
-    model = data.model.replace(max_range=unit * data.model.max_range, noise=unit * data.model.noise)
-    laser = LaserData.from_arrays(
-        there(data.readings.origin), turned(data.readings.angle), unit * data.readings.range, model
+    model = replace(data.model, max_range=unit * data.model.max_range, noise=unit * data.model.noise)
+    laser = laser_data(there(data.readings.origin), turned(data.readings.angle), unit * data.readings.range, model)
+    resolution = unit * target.execution.resolution
+    return Case(
+        replace(target, window=window, scale=SCALE / unit, laser=laser).with_execution(resolution=resolution),
+        there,
+        unit,
     )
-    resolution = unit * settings.resolution
-    return Case(replace(settings, window=window, scale=SCALE / unit, laser=laser, resolution=resolution), there, unit)
 
 
 def shifted(case: Case, x: float, y: float) -> Case:
@@ -75,18 +77,16 @@ def scaled(case: Case, factor: float) -> Case:
 
 def reordered(case: Case, seed: int = 0) -> Case:
     """Return a case with its beams in another order."""
-    data = case.settings.laser
+    data = case.target.laser
     assert data is not None
     order = np.random.default_rng(seed).permutation(len(data.readings.angle))
-    laser = LaserData.from_arrays(
-        data.readings.origin[order], data.readings.angle[order], data.readings.range[order], data.model
-    )
-    return case._replace(settings=replace(case.settings, laser=laser))
+    laser = laser_data(data.readings.origin[order], data.readings.angle[order], data.readings.range[order], data.model)
+    return case._replace(target=replace(case.target, laser=laser))
 
 
 def maps_of(case: Case, n_blocks: int, seed: int = 1) -> list[tuple[Coloring, Floats]]:
     """Return the map of a chain and its sums at the end of every block."""
-    chain = ChainSampler(case.settings, np.random.default_rng(seed), np.zeros(1, np.int64))
+    chain = ChainRun(case.target, np.random.default_rng(seed), np.zeros(1, np.int64))
     found = []
     for _ in range(n_blocks):
         chain.advance()
@@ -96,18 +96,18 @@ def maps_of(case: Case, n_blocks: int, seed: int = 1) -> list[tuple[Coloring, Fl
 
 def means_of(case: Case, n_chains: int, n_steps: int) -> Floats:
     """Return for each chain the means of edges, of length in units of 1 / p, and of the colours at `PLACES`."""
-    settings = case.settings
-    assert settings.resolution is not None
-    centres = pixel_centres(image_grid(settings.window, settings.resolution))
+    target = case.target
+    assert target.execution.resolution is not None
+    centres = pixel_centres(image_grid(target.window, target.execution.resolution))
     away = np.linalg.norm(centres[:, None, :] - case.there(PLACES)[None], axis=2)
     assert away.min(axis=0).max() < 1e-6 * case.unit
     found = []
     for seed in np.random.SeedSequence(7).spawn(n_chains):
-        chain = ChainSampler(settings, np.random.default_rng(seed), away.argmin(axis=0))
+        chain = ChainRun(target, np.random.default_rng(seed), away.argmin(axis=0))
         while chain.step < n_steps:
             chain.advance()
         draws = chain.record.since(n_steps // 2)
         edges, length = np.array([draw.functionals[:2] for draw in draws]).T
         black = np.array([draw.probe_black for draw in draws])
-        found.append([edges.mean(), settings.scale * length.mean(), *black.mean(axis=0)])
+        found.append([edges.mean(), target.scale * length.mean(), *black.mean(axis=0)])
     return np.array(found)

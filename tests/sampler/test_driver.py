@@ -2,27 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Callable
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from prf.model.coloring import Coloring
 from prf.model.window import Window
 from prf.results import Progress
 from prf.results.convergence import Diagnosis, Verdict
-from prf.sampler import Sampler, StopRule, driver
-from prf.sampler import rounds as rounds_of
+from prf.sampler import ChainRun, Ensemble, StopRule, chain, drive, driver
 from prf.sampler.driver import is_check
-from prf.sampler.posterior import Settings
+from prf.sampler.target import Execution, Target
 from prf.shell.cli.provenance import spawn_generators
 
 UNIT = Window(0.0, 0.0, 1.0, 1.0)
 
 
 @pytest.fixture
-def sampler() -> Iterator[Sampler]:
-    with Sampler(Settings(UNIT, 1.0, resolution=0.25), spawn_generators(1, 2), 1) as chains:
-        yield chains
+def sampler() -> Ensemble:
+    return Ensemble(Target(UNIT, 1.0, execution=Execution(resolution=0.25)), spawn_generators(1, 2))
 
 
 class Clock:
@@ -39,31 +40,31 @@ class Clock:
 @pytest.fixture
 def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
     made = Clock()
-    monkeypatch.setattr(driver.time, "monotonic", made)
+    monkeypatch.setattr(driver, "time", SimpleNamespace(monotonic=made))
     return made
 
 
 @pytest.mark.parametrize(("steps", "ends"), [(1, 10_000), (10_000, 10_000), (25_000, 30_000)])
-def test_steps_are_rounded_up_to_whole_rounds(sampler: Sampler, steps: int, ends: int) -> None:
-    rounds = list(rounds_of(sampler, StopRule(steps=steps)))
+def test_steps_are_rounded_up_to_whole_rounds(sampler: Ensemble, steps: int, ends: int) -> None:
+    rounds = list(drive(sampler, StopRule(steps=steps)))
     assert [found.step for found in rounds] == list(range(10_000, ends + 1, 10_000))
     assert [found.status for found in rounds] == ["running"] * (len(rounds) - 1) + ["finished"]
     assert rounds[-1].share == 1.0
     assert sampler.step == ends
 
 
-def test_a_goal_that_is_reached_already_does_nothing(sampler: Sampler) -> None:
-    assert list(rounds_of(sampler, StopRule(steps=0))) == []
-    list(rounds_of(sampler, StopRule(steps=20_000)))
-    assert list(rounds_of(sampler, StopRule(steps=20_000))) == []
-    assert [found.step for found in rounds_of(sampler, StopRule(steps=30_000))] == [30_000]
+def test_a_goal_that_is_reached_already_does_nothing(sampler: Ensemble) -> None:
+    assert list(drive(sampler, StopRule(steps=0))) == []
+    list(drive(sampler, StopRule(steps=20_000)))
+    assert list(drive(sampler, StopRule(steps=20_000))) == []
+    assert [found.step for found in drive(sampler, StopRule(steps=30_000))] == [30_000]
 
 
-def test_a_run_in_two_parts_is_the_run_in_one(sampler: Sampler) -> None:
-    list(rounds_of(sampler, StopRule(steps=20_000)))
-    list(rounds_of(sampler, StopRule(steps=50_000)))
-    with Sampler(Settings(UNIT, 1.0, resolution=0.25), spawn_generators(1, 2), 1) as whole:
-        list(rounds_of(whole, StopRule(steps=50_000)))
+def test_a_run_in_two_parts_is_the_run_in_one(sampler: Ensemble) -> None:
+    list(drive(sampler, StopRule(steps=20_000)))
+    list(drive(sampler, StopRule(steps=50_000)))
+    whole = Ensemble(Target(UNIT, 1.0, execution=Execution(resolution=0.25)), spawn_generators(1, 2))
+    list(drive(whole, StopRule(steps=50_000)))
     one, two = sampler.sample(), whole.sample()
     assert np.array_equal(one.draws.xy, two.draws.xy)
     assert all(
@@ -71,9 +72,9 @@ def test_a_run_in_two_parts_is_the_run_in_one(sampler: Sampler) -> None:
     )
 
 
-def test_seconds_are_those_of_the_clock(sampler: Sampler, clock: Clock) -> None:
+def test_seconds_are_those_of_the_clock(sampler: Ensemble, clock: Clock) -> None:
     """A round takes one second, and one goes by between two rounds."""
-    rounds = list(rounds_of(sampler, StopRule(seconds=6.0)))
+    rounds = list(drive(sampler, StopRule(seconds=6.0)))
     assert [found.seconds for found in rounds] == [2.0, 4.0, 6.0]
     assert [found.status for found in rounds] == ["running", "running", "finished"]
     assert [found.share for found in rounds] == pytest.approx([2.5 / 6, 4.5 / 6, 1.0])
@@ -82,20 +83,20 @@ def test_seconds_are_those_of_the_clock(sampler: Sampler, clock: Clock) -> None:
 
 @pytest.mark.parametrize(("budget", "reserve", "rounds"), [(6.6, 0.0, 4), (6.4, 0.0, 3), (6.6, 2.0, 3), (6.6, 99.0, 1)])
 def test_the_last_round_ends_nearest_to_what_is_left(
-    sampler: Sampler, clock: Clock, budget: float, reserve: float, rounds: int
+    sampler: Ensemble, clock: Clock, budget: float, reserve: float, rounds: int
 ) -> None:
-    found = list(rounds_of(sampler, StopRule(seconds=budget), reserve=lambda: reserve))
+    found = list(drive(sampler, StopRule(seconds=budget), reserve=lambda: reserve))
     assert [each.seconds for each in found] == [2.0 * (k + 1) for k in range(rounds)]
     assert found[-1].share == 1.0
 
 
-def test_speed_leaves_out_the_steps_of_an_earlier_run(sampler: Sampler, clock: Clock) -> None:
-    list(rounds_of(sampler, StopRule(steps=50_000)))
-    (found,) = rounds_of(sampler, StopRule(steps=60_000))
+def test_speed_leaves_out_the_steps_of_an_earlier_run(sampler: Ensemble, clock: Clock) -> None:
+    list(drive(sampler, StopRule(steps=50_000)))
+    (found,) = drive(sampler, StopRule(steps=60_000))
     assert found.steps_per_second == pytest.approx(10_000.0)
 
 
-def test_without_a_goal_it_stops_on_agreement(sampler: Sampler, clock: Clock, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_a_goal_it_stops_on_agreement(sampler: Ensemble, clock: Clock, monkeypatch: pytest.MonkeyPatch) -> None:
     asked = []
 
     def agree_later(diagnoses: dict[str, Diagnosis]) -> Verdict:
@@ -103,16 +104,16 @@ def test_without_a_goal_it_stops_on_agreement(sampler: Sampler, clock: Clock, mo
         return Verdict(sampler.step >= 40_000, "", "", False)
 
     monkeypatch.setattr(driver, "verdict", agree_later)
-    rounds = list(rounds_of(sampler, StopRule()))
+    rounds = list(drive(sampler, StopRule()))
     assert rounds[-1].status == "converged"
     assert rounds[-1].step == 40_000
     assert rounds[-1].diagnoses is not None
     assert asked == [10_000, 20_000, 30_000, 40_000]
 
 
-def test_chains_that_agree_stop_by_themselves(sampler: Sampler) -> None:
+def test_chains_that_agree_stop_by_themselves(sampler: Ensemble) -> None:
     """No readings, a small window: agreement comes within seconds, on the real measure."""
-    *_, last = rounds_of(sampler, StopRule(limit=120.0))
+    *_, last = drive(sampler, StopRule(limit=120.0))
     assert isinstance(last, Progress)
     assert last.status == "converged"
     assert last.diagnoses is not None
@@ -120,23 +121,23 @@ def test_chains_that_agree_stop_by_themselves(sampler: Sampler) -> None:
 
 
 def test_without_agreement_it_stops_at_the_limit(
-    sampler: Sampler, clock: Clock, monkeypatch: pytest.MonkeyPatch
+    sampler: Ensemble, clock: Clock, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(driver, "verdict", lambda _: Verdict(False, "", "", False))
-    rounds = list(rounds_of(sampler, StopRule(limit=8.0)))
+    rounds = list(drive(sampler, StopRule(limit=8.0)))
     assert [found.status for found in rounds] == ["running"] * 3 + ["not converged"]
     assert [found.share for found in rounds] == pytest.approx([2.5 / 8, 4.5 / 8, 6.5 / 8, 1.0])
 
 
 def test_agreement_does_not_end_a_run_with_a_goal(
-    sampler: Sampler, clock: Clock, monkeypatch: pytest.MonkeyPatch
+    sampler: Ensemble, clock: Clock, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(driver, "verdict", lambda _: Verdict(True, "", "", True))
-    assert list(rounds_of(sampler, StopRule(steps=30_000)))[-1].step == 30_000
-    assert list(rounds_of(sampler, StopRule(seconds=2.0)))[-1].seconds == 2.0
+    assert list(drive(sampler, StopRule(steps=30_000)))[-1].step == 30_000
+    assert list(drive(sampler, StopRule(seconds=2.0)))[-1].seconds == 2.0
 
 
-def test_checks_come_at_growing_distances(sampler: Sampler, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_checks_come_at_growing_distances(sampler: Ensemble, monkeypatch: pytest.MonkeyPatch) -> None:
     """Every round at first, then each at least 1 and about a tenth later than the one before; no clock asked."""
     checked = []
     for block in range(1, 2001):
@@ -151,8 +152,8 @@ def test_checks_come_at_growing_distances(sampler: Sampler, monkeypatch: pytest.
     assert (gaps[late] > 0.1 * np.array(checked[:-1])[late] - 1.0).all()
 
 
-def test_an_early_exit_leaves_the_chains_between_rounds(sampler: Sampler) -> None:
-    for found in rounds_of(sampler, StopRule(steps=100_000)):
+def test_an_early_exit_leaves_the_chains_between_rounds(sampler: Ensemble) -> None:
+    for found in drive(sampler, StopRule(steps=100_000)):
         if found.step == 20_000:
             break
     assert {chain.step for chain in sampler.chains} == {20_000}
@@ -162,22 +163,37 @@ def test_an_early_exit_leaves_the_chains_between_rounds(sampler: Sampler) -> Non
     ("rule", "late"), [(StopRule(seconds=100.0), True), (StopRule(limit=100.0), True), (StopRule(steps=10_000), False)]
 )
 def test_the_search_for_starts_has_a_share_of_the_time_and_happens_once(
-    sampler: Sampler, clock: Clock, monkeypatch: pytest.MonkeyPatch, rule: StopRule, late: bool
+    sampler: Ensemble, monkeypatch: pytest.MonkeyPatch, rule: StopRule, late: bool
 ) -> None:
-    answers: list[list[bool]] = []
-    monkeypatch.setattr(sampler, "find_starts", lambda stop: answers.append([stop() for _ in range(40)]))
-    next(iter(rounds_of(sampler, rule)))
-    (found,) = answers
-    assert found == [late and k >= 30 for k in range(40)]
-    next(iter(rounds_of(sampler, StopRule(steps=20_000))))
-    assert len(answers) == 1
+    given: list[float] = []
+    monkeypatch.setattr(ChainRun, "find_start", lambda chain, seconds, stop: given.append(seconds) or chain)
+    next(iter(drive(sampler, rule)))
+    assert given == [pytest.approx(30.0) if late else math.inf] * 2
+    next(iter(drive(sampler, StopRule(steps=20_000))))
+    assert len(given) == 2
 
 
-def test_a_request_to_stop_ends_the_search_for_starts(sampler: Sampler, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_search_for_a_start_ends_with_its_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = [0.0]
+    monkeypatch.setattr(chain.time, "monotonic", lambda: now[0])
+    answers = []
+
+    def search(start: str, target: Target, rng: np.random.Generator, is_over: Callable[[], bool]) -> Coloring:
+        for now[0] in (0.0, 4.0, 5.0, 6.0):
+            answers.append(is_over())
+        return Coloring.empty(UNIT)
+
+    monkeypatch.setattr(chain, "find_start_map", search)
+    run = ChainRun(Target(UNIT, 1.0), np.random.default_rng(1), np.zeros(0, np.int64), starts_from="prior")
+    run.find_start(5.0, lambda: False)
+    assert answers == [False, False, False, True]
+
+
+def test_a_request_to_stop_ends_the_search_for_starts(sampler: Ensemble, monkeypatch: pytest.MonkeyPatch) -> None:
     answers: list[bool] = []
-    monkeypatch.setattr(sampler, "find_starts", lambda stop: answers.append(stop()))
-    next(iter(rounds_of(sampler, StopRule(steps=10_000), lambda: True)))
-    assert answers == [True]
+    monkeypatch.setattr(ChainRun, "find_start", lambda chain, seconds, stop: answers.append(stop()) or chain)
+    next(iter(drive(sampler, StopRule(steps=10_000), stop_requested=lambda: True)))
+    assert answers == [True, True]
 
 
 def test_the_share_of_agreement_is_what_the_worst_diagnosis_falls_short() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from pathlib import Path
 
 import numpy as np
@@ -15,20 +16,20 @@ from prf.kernels.state.build import recompute_sums
 from prf.kernels.state.chain import Chain
 from prf.kernels.state.grid import Grid
 from prf.model.coloring import Coloring, Draws, black_at, violations
-from prf.model.laser import beam_influence
-from prf.model.layout import pixel_centres, read_coloring, run_chain
+from prf.model.layout import pixel_centres, read_coloring
 from prf.model.sensors import LaserModel
 from prf.model.window import Window
-from prf.sampler import Sampler, mcmc_draws
-from prf.sampler.chain import ChainSampler
-from prf.sampler.chain_map import settle_image
+from prf.sampler import Ensemble, mcmc_draws
+from prf.sampler.chain import ChainRun
 from prf.sampler.checkpoint import load_checkpoint, save_checkpoint
-from prf.sampler.posterior import LaserData, Settings, make_chain
 from prf.sampler.prior import BURN_IN_DRAWS, chosen_thin
 from prf.sampler.prior_ground import PriorGround, closed_boxes, closed_cells, prior_ground
+from prf.sampler.state import make_chain, run_chain, settle_image
+from prf.sampler.target import Execution, LaserData, Target, laser_data
 from prf.sampler.tempering import LadderPlan
 from prf.shell.cli.provenance import spawn_generators
 from prf.shell.errors import ConfigError
+from tests.driving import advance, find_starts, step_to
 from tests.reference.beams import Sensor
 from tests.reference.chain_state import digest, structural_faults
 from tests.reference.free_way import blocked_pairs
@@ -52,7 +53,7 @@ def world() -> World:
     return draw_world(SCALE, ROOM, Sensor(4.0), 3, 40, np.random.default_rng(8))
 
 
-def settings_of(kind: str) -> Settings:
+def target_of(kind: str) -> Target:
     """Sensors in a world of the prior, of which most is out of reach."""
     found, rng = world(), np.random.default_rng(9)
     laser: LaserData | None = found.data
@@ -66,17 +67,17 @@ def settings_of(kind: str) -> Settings:
         places = np.unique(found.data.readings.origin, axis=0)
         sonar = draw_data(found.coloring, Ring(3.0), ring_all_round(places, 8, 0.4, rng), rng)
     laser = None if kind == "sonar" else laser
-    settings = Settings(ROOM, SCALE, laser, resolution=0.5, sonar=sonar)
+    target = Target(ROOM, SCALE, laser, sonar=sonar, execution=Execution(resolution=0.5))
     if kind == "both on a way":
-        settings = dataclasses.replace(settings, way=np.array([[1.0, 14.0, 14.0, 14.5]]), driven_radius=0.2)
-    return settings
+        target = dataclasses.replace(target, way=np.array([[1.0, 14.0, 14.0, 14.5]]), driven_radius=0.2)
+    return target
 
 
 def beside_the_border(rng: np.random.Generator) -> LaserData:
     """A sensor half a metre from the border, whose readings end within the window and far beyond it."""
     angle = rng.uniform(-np.pi, np.pi, 80)
     readings = np.where(rng.random(80) < 0.7, rng.uniform(0.3, 7.0, 80), np.inf)
-    return LaserData.from_arrays(np.tile([0.5, 8.0], (80, 1)), angle, readings, LaserModel(8.0, noise=0.02))
+    return laser_data(np.tile([0.5, 8.0], (80, 1)), angle, readings, LaserModel(8.0, noise=0.02))
 
 
 def log_likelihoods(chain: Chain) -> bytes:
@@ -87,8 +88,8 @@ def ends(coloring: Coloring) -> set[tuple[float, ...]]:
     return {tuple(sorted([(a, b), (x, y)])) for a, b, x, y in coloring.segments().tolist()}  # type: ignore[misc]
 
 
-def closed_region(settings: Settings, chain: Chain) -> shapely.Geometry:
-    boxes = closed_boxes(chain.edge_index.grid, closed_cells(settings, chain))
+def closed_region(target: Target, chain: Chain) -> shapely.Geometry:
+    boxes = closed_boxes(chain.edge_index.grid, closed_cells(target, chain))
     return shapely.union_all(shapely.box(*boxes[:, 1:5].T))
 
 
@@ -99,9 +100,9 @@ def meeting(coloring: Coloring, region: shapely.Geometry) -> Coloring:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_steps_there_leave_every_likelihood_to_the_last_bit(kind: str) -> None:
-    settings, rng = settings_of(kind), np.random.default_rng(1)
-    chain = make_chain(settings, Coloring.empty(ROOM))
-    ground, region = PriorGround(settings, chain), closed_region(settings, chain)
+    target, rng = target_of(kind), np.random.default_rng(1)
+    chain = make_chain(target, Coloring.empty(ROOM))
+    ground, region = PriorGround(target, chain), closed_region(target, chain)
     n_frozen = n_new = 0
     for _ in range(8):
         chain = run_chain(chain, rng, int(chain.graph.counts[c.STEP]) + 5000)
@@ -118,7 +119,7 @@ def test_steps_there_leave_every_likelihood_to_the_last_bit(kind: str) -> None:
         assert ends(meeting(after, region)) == ends(meeting(before, region))
         n_new += len(ends(after) - ends(before))
         assert violations(after) == []
-        assert blocked_pairs(settings, after) == 0
+        assert blocked_pairs(target, after) == 0
         holds_after_a_block(chain)
     assert n_frozen > 20
     assert n_new > 100
@@ -132,9 +133,9 @@ def holds_after_a_block(chain: Chain) -> None:
 
 def test_closed_cells_left_open_are_caught() -> None:
     """The negative control: without the boxes likelihoods of the map are no longer those that are kept."""
-    settings, rng = settings_of("laser"), np.random.default_rng(1)
-    chain = make_chain(settings, Coloring.empty(ROOM))
-    ground = PriorGround(settings, chain)
+    target, rng = target_of("laser"), np.random.default_rng(1)
+    chain = make_chain(target, Coloring.empty(ROOM))
+    ground = PriorGround(target, chain)
     ground._guards = ground._guards._replace(lists=np.zeros_like(ground._guards.lists))
     chain = ground.settle(ground.refresh(run_chain(chain, rng, 20_000), rng, 10_000))
     assert {"log likelihood", "beam log likelihoods"} <= set(differences(chain))
@@ -143,10 +144,10 @@ def test_closed_cells_left_open_are_caught() -> None:
 def test_room_is_made_on_the_way() -> None:
     """From the empty map to a thousand edges, in an index of cells with hardly any room."""
     wide = Window(0.0, 0.0, 60.0, 60.0)
-    settings = Settings(wide, 0.15, world().data, resolution=1.0)
-    chain = make_chain(settings, Coloring.empty(wide))
+    target = Target(wide, 0.15, world().data, execution=Execution(resolution=1.0))
+    chain = make_chain(target, Coloring.empty(wide))
     room = len(chain.graph.edge_length)
-    ground = prior_ground(settings, chain)
+    ground = prior_ground(target, chain)
     assert ground is not None
     chain = ground.settle(ground.refresh(chain, np.random.default_rng(2), 200_000))
     assert len(chain.graph.edge_length) > room
@@ -157,10 +158,10 @@ def test_room_is_made_on_the_way() -> None:
 
 def test_a_start_has_no_steps_and_is_what_its_map_says() -> None:
     for plan in (None, LadderPlan(2, 0.0)):
-        sampler = ChainSampler(settings_of("both on a way"), np.random.default_rng(3), NO_PROBES)
+        sampler = ChainRun(target_of("both on a way"), np.random.default_rng(3), NO_PROBES)
         if plan is not None:
             sampler.temper(plan)
-        sampler.find_start(never)
+        sampler.find_start(math.inf, never)
         assert sampler.step == 0
         assert not sampler.chain.outcomes.any()
         assert sampler.chain.graph.counts[c.EDGES] > 10
@@ -169,31 +170,31 @@ def test_a_start_has_no_steps_and_is_what_its_map_says() -> None:
         for _ in range(2):
             sampler.advance()
             assert differences(sampler.chain) == structural_faults(sampler.chain) == []
-        for each in sampler.tempering.hot if sampler.tempering is not None else []:
+        for each in sampler.ladder.hot if sampler.ladder is not None else []:
             assert differences(each) == structural_faults(each) == []
 
 
 def test_a_search_that_is_stopped_starts_all_the_same() -> None:
-    sampler = ChainSampler(settings_of("laser"), np.random.default_rng(3), NO_PROBES)
-    sampler.find_start(lambda: True)
+    sampler = ChainRun(target_of("laser"), np.random.default_rng(3), NO_PROBES)
+    sampler.find_start(math.inf, lambda: True)
     assert sampler.step == sampler.chain.graph.counts[c.EDGES] == 0
 
 
 @pytest.mark.parametrize("kind", ["laser", "both on a way"])
 @pytest.mark.parametrize("tiles", [0, 3])
 def test_a_resumed_run_is_the_same_to_the_last_bit(kind: str, tiles: int, tmp_path: Path) -> None:
-    settings = dataclasses.replace(settings_of(kind), tiles=tiles)
-    with Sampler(settings, spawn_generators(7, 1), 1) as whole:
-        assert whole.chains[0].ground is not None
-        whole.find_starts(never)
-        for k in range(6):
-            if k == 3:
-                save_checkpoint(tmp_path, whole, "this run")
-            whole.advance()
-    with Sampler(settings, spawn_generators(7, 1), 1) as resumed:
-        load_checkpoint(tmp_path, resumed, "this run")
-        for _ in range(3):
-            resumed.advance()
+    target = target_of(kind).with_execution(tiles=tiles)
+    whole = Ensemble(target, spawn_generators(7, 1))
+    assert whole.chains[0].ground is not None
+    find_starts(whole)
+    for k in range(6):
+        if k == 3:
+            save_checkpoint(tmp_path, whole, "this run")
+        advance(whole)
+    resumed = Ensemble(target, spawn_generators(7, 1))
+    load_checkpoint(tmp_path, resumed, "this run")
+    for _ in range(3):
+        advance(resumed)
     one, other = whole.chains[0], resumed.chains[0]
     assert one.chain.graph.counts[c.EDGES] > 20
     assert digest(one.chain, one.rng) == digest(other.chain, other.rng)
@@ -201,17 +202,17 @@ def test_a_resumed_run_is_the_same_to_the_last_bit(kind: str, tiles: int, tmp_pa
 
 def test_the_image_is_the_average_over_every_step_and_over_nothing_else() -> None:
     """What proposals there make of the map counts from the next step on."""
-    sampler = ChainSampler(settings_of("laser"), np.random.default_rng(3), NO_PROBES)
-    sampler.find_start(never)
+    sampler = ChainRun(target_of("laser"), np.random.default_rng(3), NO_PROBES)
+    sampler.find_start(math.inf, never)
     image = sampler.chain.image
     centres, black = pixel_centres(image.grid), np.zeros(image.black.size, np.int64)
     turned = 0
     for _ in range(4):
         for _ in range(20):
             black += black_at(read_coloring(sampler.chain.graph), centres)
-            sampler.run_to(sampler.step + 1)
+            step_to(sampler, sampler.step + 1)
         before = sampler.chain.image.black.copy()
-        sampler.finish_block(3000)
+        sampler.redraw_ground(3000)
         turned += int((sampler.chain.image.black != before).sum())
     assert turned > 40
     settle_image(sampler.chain)
@@ -220,29 +221,29 @@ def test_the_image_is_the_average_over_every_step_and_over_nothing_else() -> Non
 
 
 def test_there_is_none_with_point_values_or_hardly_any_unseen_ground() -> None:
-    settings, found = settings_of("laser"), world()
+    target, found = target_of("laser"), world()
     start = Coloring.empty(ROOM)
-    assert prior_ground(settings, make_chain(settings, start)) is not None
+    assert prior_ground(target, make_chain(target, start)) is not None
     values = observe(found.coloring, Flips(), lattice(5, 1.0, 15.0), np.random.default_rng(1))
     for none in (
-        dataclasses.replace(settings, points=values),
-        dataclasses.replace(settings, laser=None),
-        dataclasses.replace(settings, scale=0.01),
+        dataclasses.replace(target, points=values),
+        dataclasses.replace(target, laser=None),
+        dataclasses.replace(target, scale=0.01),
     ):
         assert prior_ground(none, make_chain(none, start)) is None
 
 
 def test_closed_cells_hold_all_that_a_reading_may_concern() -> None:
-    settings = settings_of("both on a way")
-    chain = make_chain(settings, Coloring.empty(ROOM))
-    assert settings.laser is not None
-    laser, model = settings.laser, settings.laser.model
-    influence = np.minimum(beam_influence(model, laser.readings.range), model.max_range)
+    target = target_of("both on a way")
+    chain = make_chain(target, Coloring.empty(ROOM))
+    assert target.laser is not None
+    laser, model = target.laser, target.laser.model
+    influence = np.minimum(model.influence(laser.readings.range), model.max_range)
     tips = laser.readings.origin + influence[:, None] * np.column_stack(
         [np.cos(laser.readings.angle), np.sin(laser.readings.angle)]
     )
     rays = shapely.linestrings(np.stack([laser.readings.origin, tips], axis=1))
-    region = shapely.buffer(closed_region(settings, chain), 1e-9)
+    region = shapely.buffer(closed_region(target, chain), 1e-9)
     assert shapely.covers(region, shapely.intersection(rays, shapely.box(*ROOM))).all()
     assert region.area < 0.6 * ROOM.area
 

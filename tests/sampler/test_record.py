@@ -9,15 +9,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import prf.sampler.chain
-import prf.sampler.record
 from prf.kernels import constants as c
 from prf.kernels.state.build import recompute_sums
 from prf.model.coloring import Coloring, black_at
 from prf.model.layout import pixel_centres, read_coloring
 from prf.model.window import Window
-from prf.sampler import ChainSampler
-from prf.sampler.posterior import Settings
-from prf.sampler.record import FIRST_EPOCH, FIRST_THIN, FUNCTIONALS, Draw, ImageTimes, Record, burn_in
+from prf.sampler import ChainRun
+from prf.sampler.chain import FIRST_EPOCH, FIRST_THIN, FUNCTIONALS, Draw, Record, burn_in
+from prf.sampler.target import Execution, Target
+from tests.driving import step_to
 from tests.reference.beams import Sensor
 from tests.reference.chain_state import digest
 from tests.reference.recompute import differences
@@ -32,14 +32,16 @@ def world() -> World:
     return draw_world(0.2, ROOM, Sensor(6.0), 2, 30, np.random.default_rng(1))
 
 
-def make_sampler(world: World, seed: int = 1, resolution: float = 0.5) -> ChainSampler:
-    return ChainSampler(Settings(ROOM, 0.2, world.data, resolution), np.random.default_rng(seed), PROBES)
+def make_sampler(world: World, seed: int = 1, resolution: float = 0.5) -> ChainRun:
+    return ChainRun(
+        Target(ROOM, 0.2, world.data, execution=Execution(resolution=resolution)), np.random.default_rng(seed), PROBES
+    )
 
 
 def shrink(monkeypatch: pytest.MonkeyPatch, thin: int, block: int) -> None:
     """Let everything that happens at steps happen early."""
-    monkeypatch.setattr(prf.sampler.record, "FIRST_THIN", thin)
-    monkeypatch.setattr(prf.sampler.record, "FIRST_EPOCH", thin)
+    monkeypatch.setattr(prf.sampler.chain, "FIRST_THIN", thin)
+    monkeypatch.setattr(prf.sampler.chain, "FIRST_EPOCH", thin)
     monkeypatch.setattr(prf.sampler.chain, "SHORTEST_BLOCK", block)
 
 
@@ -59,10 +61,10 @@ def test_the_burn_in_is_a_quarter_to_a_half(step: int) -> None:
 def test_epochs_begin_where_the_burn_in_says(gaps: list[int]) -> None:
     """Whenever one asks on the way, the image leaves out just the burn-in."""
     coloring = Coloring.empty(ROOM)
-    image = ChainSampler(
-        Settings(ROOM, 0.2, resolution=5.0), np.random.default_rng(), np.zeros(0, int), coloring
+    image = ChainRun(
+        Target(ROOM, 0.2, execution=Execution(resolution=5.0)), np.random.default_rng(), np.zeros(0, int), coloring
     ).chain.image
-    times, step = ImageTimes(image.black.size), 0
+    times, step = Record(PROBES, image.black.size), 0
     image.black[:] = 1
     for gap in gaps:
         while step + gap >= times.next_start:
@@ -70,7 +72,7 @@ def test_epochs_begin_where_the_burn_in_says(gaps: list[int]) -> None:
             step = times.next_start
             times.rotate(image, step)
         step += gap
-        black, mixed = times.total(image, step)
+        black, mixed = times.times(image, step)
         assert times.previous_start == burn_in(step)
         assert (black == step - burn_in(step)).all()
         assert (mixed == black).all()
@@ -82,7 +84,7 @@ def draw_at(step: int, log_posterior: float = 0.0) -> Draw:
 
 @pytest.mark.parametrize("most", [2, 8, 10])
 def test_draws_are_thinned_evenly_up_to_the_cap(monkeypatch: pytest.MonkeyPatch, most: int) -> None:
-    monkeypatch.setattr(prf.sampler.record, "MOST_DRAWS", most)
+    monkeypatch.setattr(prf.sampler.chain, "MOST_DRAWS", most)
     record = Record(PROBES)
     step = 0
     for _ in range(200):
@@ -98,7 +100,7 @@ def test_draws_are_thinned_evenly_up_to_the_cap(monkeypatch: pytest.MonkeyPatch,
 def test_only_steps_to_record_are_recorded(world: World) -> None:
     sampler = make_sampler(world)
     for step in (1999, 2000, 2001, 4000):
-        sampler.run_to(step)
+        step_to(sampler, step)
         sampler.record.take(sampler.chain)
     assert [draw.step for draw in sampler.record.draws] == [2000, 4000]
     assert [draw.step for draw in sampler.record.since(2000)] == [4000]
@@ -107,7 +109,7 @@ def test_only_steps_to_record_are_recorded(world: World) -> None:
 
 def test_a_draw_holds_the_state_at_its_step(world: World) -> None:
     sampler = make_sampler(world)
-    sampler.run_to(2000)
+    step_to(sampler, 2000)
     sampler.record.take(sampler.chain)
     (draw,) = sampler.record.draws
     found = dict(zip(FUNCTIONALS, draw.functionals, strict=True))
@@ -120,13 +122,13 @@ def test_a_draw_holds_the_state_at_its_step(world: World) -> None:
     assert found["log_posterior"] == found["log_prior"] + found["log_likelihood"]
     assert draw.probe_black.tolist() == black_at(coloring, pixel_centres(sampler.chain.image.grid)[PROBES]).tolist()
     before = draw.coloring.xy.copy(), draw.functionals.copy(), draw.probe_black.copy()
-    sampler.run_to(30_000)
+    step_to(sampler, 30_000)
     assert all(map(np.array_equal, before, (draw.coloring.xy, draw.functionals, draw.probe_black)))
 
 
 def test_the_best_is_the_highest_ever_recorded(monkeypatch: pytest.MonkeyPatch) -> None:
     """Also one that was thinned out."""
-    monkeypatch.setattr(prf.sampler.record, "MOST_DRAWS", 4)
+    monkeypatch.setattr(prf.sampler.chain, "MOST_DRAWS", 4)
     record = Record(PROBES)
     assert record.best is None
     heights = np.random.default_rng(2).normal(size=50)
@@ -139,14 +141,14 @@ def test_the_best_is_the_highest_ever_recorded(monkeypatch: pytest.MonkeyPatch) 
 
 def test_the_chain_records_at_its_spacing_across_blocks(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
     shrink(monkeypatch, 40, 200)
-    monkeypatch.setattr(prf.sampler.record, "MOST_DRAWS", 16)
+    monkeypatch.setattr(prf.sampler.chain, "MOST_DRAWS", 16)
     sampler = make_sampler(world)
     for block in range(1, 21):
         sampler.advance()
         assert sampler.step == 200 * block
         thin = sampler.record.thin
         assert [draw.step for draw in sampler.record.draws] == list(range(thin, sampler.step + 1, thin))
-        assert sampler.times.previous_start == burn_in(sampler.step)
+        assert sampler.record.previous_start == burn_in(sampler.step)
     assert sampler.record.thin >= 320
 
 
@@ -161,9 +163,9 @@ def rasterised(coloring: Coloring, centres: np.ndarray, half: float) -> tuple[np
 @pytest.mark.parametrize("n_blocks", [1, 5, pytest.param(9, marks=pytest.mark.slow)])
 def test_the_image_is_the_average_over_every_step(world: World, monkeypatch: pytest.MonkeyPatch, n_blocks: int) -> None:
     shrink(monkeypatch, 40, 100)
-    settings = Settings(ROOM, 0.2, world.data, 0.5)
-    monkeypatch.setattr(ChainSampler, "REFRESHES", False)
-    sampler, twin = (ChainSampler(settings, np.random.default_rng(5), PROBES, world.coloring) for _ in range(2))
+    target = Target(ROOM, 0.2, world.data, execution=Execution(resolution=0.5))
+    sampler, twin = (ChainRun(target, np.random.default_rng(5), PROBES, world.coloring) for _ in range(2))
+    sampler.ground = None
     steps = 100 * n_blocks
     centres, half = pixel_centres(sampler.chain.image.grid), 0.25
     first = burn_in(steps)
@@ -173,12 +175,12 @@ def test_the_image_is_the_average_over_every_step(world: World, monkeypatch: pyt
             found = rasterised(read_coloring(twin.chain.graph), centres, half)
             black += found[0]
             mixed += found[1]
-        twin.run_to(step + 1)
+        step_to(twin, step + 1)
         if (step + 1) % 100 == 0:
             recompute_sums(twin.chain)
     for _ in range(n_blocks):
         sampler.advance()
-    totals = sampler.times.total(sampler.chain.image, steps)
+    totals = sampler.record.times(sampler.chain.image, steps)
     assert np.array_equal(totals[0], black)
     assert np.array_equal(totals[1], mixed)
     assert 0 < black.max() <= steps - first
@@ -190,7 +192,7 @@ def test_laying_out_anew_changes_orders_and_roundings_alone(world: World) -> Non
     """Map, sets, impacts, image and generator stay; sums change in their last bits, lists in their order."""
     sampler = make_sampler(world, seed=4)
     for step in range(2000, 40_001, 2000):
-        sampler.run_to(step)
+        step_to(sampler, step)
         chain = sampler.chain
         before, sums = digest(chain, sampler.rng), chain.graph.sums.copy()
         beams, impacts = chain.beams.ray.copy(), chain.beams.impact_edge.copy()
@@ -213,9 +215,9 @@ def test_blocks_grow_with_the_beams() -> None:
 
 
 def test_a_sampler_starts_at_the_given_map(world: World) -> None:
-    settings = Settings(ROOM, 0.2, world.data, 0.5)
-    at_truth = ChainSampler(settings, np.random.default_rng(5), PROBES, world.coloring)
+    target = Target(ROOM, 0.2, world.data, execution=Execution(resolution=0.5))
+    at_truth = ChainRun(target, np.random.default_rng(5), PROBES, world.coloring)
     assert at_truth.chain.graph.counts[c.EDGES] == world.coloring.n_edges
-    at_white = ChainSampler(settings, np.random.default_rng(5), PROBES)
+    at_white = ChainRun(target, np.random.default_rng(5), PROBES)
     assert at_white.chain.graph.counts[c.EDGES] == 0
     assert at_white.step == at_truth.step == 0

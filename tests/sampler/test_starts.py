@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -13,13 +14,15 @@ from prf.configuration import Cooling
 from prf.kernels import constants as c
 from prf.model.coloring import Coloring, black_at, occupied_polygons, violations
 from prf.model.window import Window
-from prf.sampler import Sampler, starts
+from prf.sampler import Ensemble, starts
 from prf.sampler.anneal import Annealed, anneal, inverse_temperature
 from prf.sampler.driver import StopRule
-from prf.sampler.posterior import Settings, make_chain
 from prf.sampler.starts import contour_map, find_start_map, map_of_region
+from prf.sampler.state import make_chain
+from prf.sampler.target import Execution, Target
 from prf.shell.cli.provenance import spawn_generators
 from prf.shell.errors import ArgumentError, ConfigError
+from tests.driving import find_starts
 from tests.reference.beams import Sensor
 from tests.reference.slow_sonar import Ring
 from tests.reference.sonar_worlds import draw_sonar_world
@@ -33,34 +36,34 @@ def never() -> bool:
 
 
 @pytest.fixture(scope="module")
-def settings(data_dir: Path) -> Settings:
+def target(data_dir: Path) -> Target:
     window, data = office(data_dir, 3, 2)
-    return Settings(window, 0.1, data)
+    return Target(window, 0.1, data)
 
 
-def log_posterior(settings: Settings, coloring: Coloring) -> float:
-    sums = make_chain(settings, coloring).graph.sums
+def log_posterior(target: Target, coloring: Coloring) -> float:
+    sums = make_chain(target, coloring).graph.sums
     return float(sums[c.LOG_PRIOR] + sums[c.LOG_LIKELIHOOD])
 
 
-def test_contours_are_valid_better_than_nothing_and_differ(settings: Settings) -> None:
-    assert settings.laser is not None
-    empty = log_posterior(settings, Coloring.empty(settings.window))
-    found = [contour_map(settings, np.random.default_rng(k)) for k in range(3)]
+def test_contours_are_valid_better_than_nothing_and_differ(target: Target) -> None:
+    assert target.laser is not None
+    empty = log_posterior(target, Coloring.empty(target.window))
+    found = [contour_map(target, np.random.default_rng(k)) for k in range(3)]
     for coloring in found:
         assert not violations(coloring)
-        assert not black_at(coloring, settings.laser.readings.origin).any()
+        assert not black_at(coloring, target.laser.readings.origin).any()
         assert coloring.n_edges > 100
-        assert log_posterior(settings, coloring) > empty + 2000.0
+        assert log_posterior(target, coloring) > empty + 2000.0
     assert len({coloring.xy.tobytes() for coloring in found}) == 3
-    again = contour_map(settings, np.random.default_rng(0))
+    again = contour_map(target, np.random.default_rng(0))
     assert np.array_equal(again.xy, found[0].xy)
 
 
 @pytest.mark.parametrize("seed", range(6))
 def test_contours_of_small_worlds_are_valid(seed: int) -> None:
     world = draw_world(0.4, ROOM, Sensor(6.0), 5, 60, np.random.default_rng(seed))
-    coloring = contour_map(Settings(ROOM, 0.4, world.data), np.random.default_rng(seed))
+    coloring = contour_map(Target(ROOM, 0.4, world.data), np.random.default_rng(seed))
     assert not violations(coloring)
     assert not black_at(coloring, world.data.readings.origin).any()
 
@@ -70,23 +73,21 @@ def test_a_region_that_touches_sensors_border_and_itself_becomes_a_map() -> None
     squares = [shapely.box(0, 0, 2, 2), shapely.box(2, 2, 4, 4), shapely.box(8, 8, 10, 10)]
     on_sensors = shapely.buffer(shapely.points(world.data.readings.origin), 0.3)
     region = shapely.union_all([*squares, *on_sensors])
-    coloring = map_of_region(region, Settings(ROOM, 0.4, world.data))
+    coloring = map_of_region(region, Target(ROOM, 0.4, world.data))
     assert not violations(coloring)
     assert not black_at(coloring, world.data.readings.origin).any()
     assert occupied_polygons(coloring).area == pytest.approx(region.area, rel=0.1)
 
 
-def test_a_draw_of_the_prior_leads_to_a_map_of_the_readings(
-    settings: Settings, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    assert settings.laser is not None
+def test_a_draw_of_the_prior_leads_to_a_map_of_the_readings(target: Target, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert target.laser is not None
     monkeypatch.setattr(starts, "LOOK", 3000)
-    empty = log_posterior(settings, Coloring.empty(settings.window))
-    found = [find_start_map("prior", settings, np.random.default_rng(k), never) for k in range(2)]
+    empty = log_posterior(target, Coloring.empty(target.window))
+    found = [find_start_map("prior", target, np.random.default_rng(k), never) for k in range(2)]
     for coloring in found:
         assert not violations(coloring)
-        assert not black_at(coloring, settings.laser.readings.origin).any()
-        assert log_posterior(settings, coloring) > empty + 2000.0
+        assert not black_at(coloring, target.laser.readings.origin).any()
+        assert log_posterior(target, coloring) > empty + 2000.0
     assert not np.array_equal(found[0].xy[:5], found[1].xy[:5])
 
 
@@ -94,8 +95,8 @@ def test_a_draw_of_the_prior_leads_to_a_map_of_the_readings(
 def test_a_search_cut_short_still_frees_every_sensor(seed: int) -> None:
     """From draws whose black covers half of the window."""
     world = draw_world(0.3, ROOM, Sensor(6.0), 8, 20, np.random.default_rng(seed))
-    settings = Settings(ROOM, 0.3, world.data)
-    coloring = find_start_map("prior", settings, np.random.default_rng(seed), lambda: True)
+    target = Target(ROOM, 0.3, world.data)
+    coloring = find_start_map("prior", target, np.random.default_rng(seed), lambda: True)
     assert not violations(coloring)
     assert not black_at(coloring, world.data.readings.origin).any()
     assert coloring.n_edges > 0
@@ -103,25 +104,25 @@ def test_a_search_cut_short_still_frees_every_sensor(seed: int) -> None:
 
 def test_sonar_may_start_from_the_prior_and_not_from_a_grid() -> None:
     data = draw_sonar_world(0.3, ROOM, Ring(), 3, 12, 0.5, np.random.default_rng(3)).data
-    settings = Settings(ROOM, 0.3, sonar=data)
-    coloring = find_start_map("prior", settings, np.random.default_rng(1), lambda: True)
+    target = Target(ROOM, 0.3, sonar=data)
+    coloring = find_start_map("prior", target, np.random.default_rng(1), lambda: True)
     assert not black_at(coloring, data.readings.origin).any()
     with pytest.raises(ConfigError, match="start grid"):
-        contour_map(settings, np.random.default_rng(1))
+        contour_map(target, np.random.default_rng(1))
 
 
-def test_the_empty_start_is_the_empty_map(settings: Settings) -> None:
-    assert find_start_map("empty", settings, np.random.default_rng(1), never).n_edges == 0
+def test_the_empty_start_is_the_empty_map(target: Target) -> None:
+    assert find_start_map("empty", target, np.random.default_rng(1), never).n_edges == 0
 
 
-def test_chains_start_at_the_given_maps(settings: Settings) -> None:
-    with_image = Settings(settings.window, 0.1, settings.laser, resolution=1.0)
-    with Sampler(with_image, spawn_generators(1, 2), 1, starts_from="grid") as sampler:
-        sampler.find_starts(never)
-        edges = [int(chain.chain.graph.counts[c.EDGES]) for chain in sampler.chains]
-        assert min(edges) > 100
-        assert edges[0] != edges[1]
-        assert sampler.step == 0
+def test_chains_start_at_the_given_maps(target: Target) -> None:
+    with_image = Target(target.window, 0.1, target.laser, execution=Execution(resolution=1.0))
+    sampler = Ensemble(with_image, spawn_generators(1, 2), starts_from="grid")
+    find_starts(sampler)
+    edges = [int(chain.chain.graph.counts[c.EDGES]) for chain in sampler.chains]
+    assert min(edges) > 100
+    assert edges[0] != edges[1]
+    assert sampler.step == 0
 
 
 # The best map: cooled chains end better than they sampled, on a map that is the truth but for the noise.
@@ -131,11 +132,11 @@ STEPS = 300_000
 SHORT = 40_000
 
 
-def score_of(anneal_settings: Settings, coloring: Coloring) -> float:
+def score_of(annealed_target: Target, coloring: Coloring) -> float:
     """The maximised density, from a fresh chain at the map."""
-    graph = make_chain(anneal_settings, coloring).graph
+    graph = make_chain(annealed_target, coloring).graph
     prior = (
-        graph.counts[c.EDGES] * np.log(anneal_settings.scale) - 2.0 * anneal_settings.scale * graph.sums[c.TOTAL_LENGTH]
+        graph.counts[c.EDGES] * np.log(annealed_target.scale) - 2.0 * annealed_target.scale * graph.sums[c.TOTAL_LENGTH]
     )
     return float(prior + graph.sums[c.LOG_LIKELIHOOD])
 
@@ -146,46 +147,46 @@ def world() -> World:
 
 
 @pytest.fixture(scope="module")
-def anneal_settings(world: World) -> Settings:
-    return Settings(ROOM, 0.2, world.data)
+def annealed_target(world: World) -> Target:
+    return Target(ROOM, 0.2, world.data)
 
 
 @pytest.fixture(scope="module")
-def annealed(anneal_settings: Settings) -> Annealed:
-    return anneal(anneal_settings, spawn_generators(1, 3), StopRule(STEPS), threads=2)
+def annealed(annealed_target: Target) -> Annealed:
+    return anneal(annealed_target, spawn_generators(1, 3), StopRule(STEPS))
 
 
 class TestAnneal:
     def test_best_is_a_valid_map_with_the_score_that_it_states(
-        self, anneal_settings: Settings, annealed: Annealed
+        self, annealed_target: Target, annealed: Annealed
     ) -> None:
         assert violations(annealed.best) == []
         assert occupied_polygons(annealed.best).is_valid
-        assert annealed.score == pytest.approx(score_of(anneal_settings, annealed.best), rel=1e-9)
+        assert annealed.score == pytest.approx(score_of(annealed_target, annealed.best), rel=1e-9)
         assert annealed.score == max(annealed.by_chain)
         assert annealed.share == 1.0
 
-    def test_it_beats_the_truth(self, world: World, anneal_settings: Settings, annealed: Annealed) -> None:
-        assert annealed.score > score_of(anneal_settings, world.coloring)
+    def test_it_beats_the_truth(self, world: World, annealed_target: Target, annealed: Annealed) -> None:
+        assert annealed.score > score_of(annealed_target, world.coloring)
 
-    def test_it_beats_what_sampling_meets(self, anneal_settings: Settings, annealed: Annealed) -> None:
+    def test_it_beats_what_sampling_meets(self, annealed_target: Target, annealed: Annealed) -> None:
         """The negative control: the same steps without cooling."""
         warm = anneal(
-            anneal_settings, spawn_generators(1, 3), StopRule(STEPS), Cooling(warm=0.999, polish=0.0), threads=2
+            annealed_target, spawn_generators(1, 3), StopRule(STEPS), Cooling(warm=0.999, polish=0.0), threads=2
         )
         assert warm.score < annealed.score
 
-    def test_threads_change_nothing(self, anneal_settings: Settings) -> None:
-        one, two = (
-            anneal(anneal_settings, spawn_generators(1, 2), StopRule(SHORT), threads=threads) for threads in (1, 2)
-        )
+    def test_threads_change_nothing(self, annealed_target: Target) -> None:
+        one = anneal(annealed_target, spawn_generators(1, 2), StopRule(SHORT))
+        with ThreadPoolExecutor(2) as pool:
+            two = anneal(annealed_target, spawn_generators(1, 2), StopRule(SHORT), pool.map)
         assert one.by_chain == two.by_chain
         np.testing.assert_array_equal(one.best.xy, two.best.xy)
 
-    def test_a_stop_keeps_the_best_so_far(self, anneal_settings: Settings) -> None:
+    def test_a_stop_keeps_the_best_so_far(self, annealed_target: Target) -> None:
         seen: list[float] = []
         found = anneal(
-            anneal_settings,
+            annealed_target,
             spawn_generators(1, 1),
             StopRule(10 * STEPS),
             on_progress=lambda moment: seen.append(moment.score),
@@ -196,7 +197,7 @@ class TestAnneal:
 
     def test_few_vertices_on_the_demo_office(self, data_dir: Path) -> None:
         window, data = office(data_dir, 4, 4)
-        found = anneal(Settings(window, 0.1, data), spawn_generators(1, 1), StopRule(200_000))
+        found = anneal(Target(window, 0.1, data), spawn_generators(1, 1), StopRule(200_000))
         assert found.best.n_vertices < 300, "splinters: the mode over vertices, not over lines"
 
 

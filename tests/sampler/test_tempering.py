@@ -16,17 +16,18 @@ from prf.model.coloring import Coloring, black_at
 from prf.model.layout import pixel_centres
 from prf.model.window import Window
 from prf.results.convergence import disagree, worst_rhat
-from prf.sampler import Sampler
-from prf.sampler import chains as sampler_chains
+from prf.sampler import Ensemble
+from prf.sampler import ensemble as ensembles
 from prf.sampler import tempering as module
 from prf.sampler.chain import LONGEST_BLOCK
-from prf.sampler.chain_map import exchanged, occupied_cost, penalised_log_likelihood, repaint, with_map
-from prf.sampler.chains import FIRST_LOOK, is_look
 from prf.sampler.checkpoint import load_checkpoint, save_checkpoint
-from prf.sampler.posterior import Settings, make_chain
+from prf.sampler.ensemble import FIRST_LOOK, is_look
 from prf.sampler.prepare import ladder_plan
-from prf.sampler.tempering import AUTO_TEMPERATURES, Ladder, LadderPlan, Tempering, even_powers, stretched_powers
+from prf.sampler.state import exchanged, make_chain, penalised_log_likelihood, repaint, with_map
+from prf.sampler.target import Execution, Target, occupied_cost
+from prf.sampler.tempering import AUTO_TEMPERATURES, Ladder, LadderPlan, even_powers, stretched_powers
 from prf.shell.cli.provenance import spawn_generators
+from tests.driving import advance
 from tests.reference.beams import Sensor
 from tests.reference.chain_state import digest, structural_faults
 from tests.reference.recompute import differences
@@ -42,52 +43,52 @@ def world() -> World:
 
 
 @pytest.fixture
-def settings(world: World) -> Settings:
-    return Settings(ROOM, 0.2, world.data, resolution=0.5)
+def target(world: World) -> Target:
+    return Target(ROOM, 0.2, world.data, execution=Execution(resolution=0.5))
 
 
-def tempered(settings: Settings, plan: LadderPlan, threads: int = 1, blocks: int = 3) -> Sampler:
-    with Sampler(settings, spawn_generators(7, 2), threads, plan=plan) as sampler:
-        for _ in range(blocks):
-            sampler.advance()
+def tempered(target: Target, plan: LadderPlan, threads: int = 1, blocks: int = 3) -> Ensemble:
+    sampler = Ensemble(target, spawn_generators(7, 2), plan=plan)
+    for _ in range(blocks):
+        advance(sampler, threads)
     return sampler
 
 
-def digests(sampler: Sampler) -> list[dict[str, str]]:
+def digests(sampler: Ensemble) -> list[dict[str, str]]:
     found = []
     for chain in sampler.chains:
         found.append(digest(chain.chain, chain.rng))
-        if chain.tempering is not None:
-            hot = zip(chain.tempering.hot, chain.tempering.generators, strict=True)
+        if chain.ladder is not None:
+            hot = zip(chain.ladder.hot, chain.ladder.generators, strict=True)
             found += [digest(each, rng) for each, rng in hot]
     return found
 
 
 @pytest.mark.parametrize("lowest", [0.0, 0.3, None])
-def test_what_follows_from_the_maps_still_does_after_swaps(settings: Settings, lowest: float | None) -> None:
+def test_what_follows_from_the_maps_still_does_after_swaps(target: Target, lowest: float | None) -> None:
     """Twins of every chain, among them the image of the cold one, whose map has come from elsewhere."""
-    sampler = tempered(settings, LadderPlan(4, lowest))
+    sampler = tempered(target, LadderPlan(4, lowest))
     for chain in sampler.chains:
-        assert chain.tempering is not None
-        assert chain.tempering.ladder.rate_sum[0] > 0.0
-        for each in (chain.chain, *chain.tempering.hot):
+        assert chain.ladder is not None
+        assert chain.ladder.rate_sum[0] > 0.0
+        for each in (chain.chain, *chain.ladder.hot):
             assert differences(each) == structural_faults(each) == []
             assert each.graph.counts[c.STEP] == sampler.step
-        assert all(each.image.black.size == 0 for each in chain.tempering.hot)
+        assert all(each.image.black.size == 0 for each in chain.ladder.hot)
 
 
-def test_no_draw_of_the_cold_chain_has_an_occupied_sensor(settings: Settings, world: World) -> None:
-    sampler = tempered(settings, LadderPlan(4, 0.0))
+def test_no_draw_of_the_cold_chain_has_an_occupied_sensor(target: Target, world: World) -> None:
+    sampler = tempered(target, LadderPlan(4, 0.0))
     assert len(sampler.sample().draws) == 10
     for coloring in sampler.sample().draws:
         assert not black_at(coloring, world.data.readings.origin).any()
 
 
-def test_times_of_the_image_are_those_of_the_cold_chain(settings: Settings, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_times_of_the_image_are_those_of_the_cold_chain(target: Target, monkeypatch: pytest.MonkeyPatch) -> None:
     """The recorded maps and the image, which sees every step, say the same."""
     monkeypatch.setattr(module, "ADAPTATIONS", ())
-    sampler = tempered(settings, LadderPlan(3, 0.7), blocks=12)
-    assert all((report.swap_rates[0] or 0.0) > 0.05 for report in sampler.swaps())
+    sampler = tempered(target, LadderPlan(3, 0.7), blocks=12)
+    assert all((report["swap_rates"][0] or 0.0) > 0.05 for report in sampler.swaps())
     image = sampler.occupancy()[0].ravel()
     centres = pixel_centres(sampler.chains[0].chain.image.grid)
     share = np.mean([black_at(coloring, centres) for coloring in sampler.sample().draws], axis=0)
@@ -96,22 +97,22 @@ def test_times_of_the_image_are_those_of_the_cold_chain(settings: Settings, monk
 
 
 @pytest.mark.parametrize("lowest", [0.0, None])
-def test_threads_change_no_result(settings: Settings, lowest: float | None) -> None:
-    one, two = (tempered(settings, LadderPlan(3, lowest), threads) for threads in (1, 2))
+def test_threads_change_no_result(target: Target, lowest: float | None) -> None:
+    one, two = (tempered(target, LadderPlan(3, lowest), threads) for threads in (1, 2))
     assert digests(one) == digests(two)
     assert one.swaps() == two.swaps()
 
 
 @pytest.mark.parametrize("lowest", [0.0, 0.3, None])
-def test_a_stored_state_resumes_to_the_same_bits(settings: Settings, lowest: float | None, tmp_path: Path) -> None:
+def test_a_stored_state_resumes_to_the_same_bits(target: Target, lowest: float | None, tmp_path: Path) -> None:
     """Stored right before the powers are moved, so that their measured rates count."""
     plan = LadderPlan(3, lowest)
-    whole = tempered(settings, plan, blocks=4)
-    save_checkpoint(tmp_path, tempered(settings, plan, blocks=2), "this run")
-    with Sampler(settings, spawn_generators(7, 2), 1, plan=plan) as again:
-        load_checkpoint(tmp_path, again, "this run")
-        for _ in range(2):
-            again.advance()
+    whole = tempered(target, plan, blocks=4)
+    save_checkpoint(tmp_path, tempered(target, plan, blocks=2), "this run")
+    again = Ensemble(target, spawn_generators(7, 2), plan=plan)
+    load_checkpoint(tmp_path, again, "this run")
+    for _ in range(2):
+        advance(again)
     assert digests(again) == digests(whole)
     assert again.swaps() == whole.swaps()
     assert again.burn_in == whole.burn_in == 20_000
@@ -121,36 +122,36 @@ def test_a_stored_state_resumes_to_the_same_bits(settings: Settings, lowest: flo
 
 
 def test_burn_in_begins_anew_when_powers_move_and_they_stay_in_the_end(
-    settings: Settings, monkeypatch: pytest.MonkeyPatch
+    target: Target, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(module, "ADAPTATIONS", (10_000, 20_000))
     burn_in, powers = [], []
-    with Sampler(settings, spawn_generators(7, 1), 1, plan=LadderPlan(3)) as sampler:
-        for _ in range(6):
-            sampler.advance()
-            burn_in.append(sampler.burn_in)
-            powers.append(sampler.swaps()[0].powers)
-            shares = sampler.occupancy()[1]
-            assert shares.max() <= 1.0
-            assert sampler.sample().step.min() > sampler.burn_in
+    sampler = Ensemble(target, spawn_generators(7, 1), plan=LadderPlan(3))
+    for _ in range(6):
+        advance(sampler)
+        burn_in.append(sampler.burn_in)
+        powers.append(sampler.swaps()[0]["powers"])
+        shares = sampler.occupancy()[1]
+        assert shares.max() <= 1.0
+        assert sampler.sample().step.min() > sampler.burn_in
     assert burn_in[:3] == [4000, 10_000, 20_000]
     assert powers[0] != powers[1] != powers[2] == powers[3] == powers[5]
 
 
-def test_a_swap_leaves_the_joint_target_unchanged(settings: Settings) -> None:
+def test_a_swap_leaves_the_joint_target_unchanged(target: Target) -> None:
     """The ratio is that of both densities, written out; a map with an occupied sensor is never cold."""
     rng = np.random.default_rng(3)
-    cold = make_chain(settings, Coloring.empty(ROOM))
-    tempering = Tempering(settings, cold, rng, LadderPlan(4, 0.0, 3.0))
-    tempering.ladder.powers[:] = [1.0, 0.7, 0.2, 0.0]
+    cold = make_chain(target, Coloring.empty(ROOM))
+    tempering = Ladder(target, cold, rng, LadderPlan(4, 0.0, 3.0))
+    tempering.powers[:] = [1.0, 0.7, 0.2, 0.0]
     draws = exact_draws(0.2, ROOM, 12, rng)
-    chains = [with_map(tempering.hot[0], settings, draw) for draw in draws]
+    chains = [with_map(tempering.hot[0], target, draw) for draw in draws]
     chains = [chain._replace(beams=chain.beams._replace(ray=chain.beams.ray.copy())) for chain in chains]
-    occupied = [int(black_at(draw, np.unique(settings.laser.readings.origin, axis=0)).sum()) for draw in draws]
+    occupied = [int(black_at(draw, np.unique(target.laser.readings.origin, axis=0)).sum()) for draw in draws]
     assert 0 < sum(n > 0 for n in occupied) < len(occupied)
 
     def log_target(temperature: int, k: int) -> float:
-        power = float(tempering.ladder.powers[temperature])
+        power = float(tempering.powers[temperature])
         if temperature == 0 and occupied[k]:
             return -math.inf
         return power * (float(chains[k].graph.sums[c.LOG_LIKELIHOOD]) - 3.0 * occupied[k])
@@ -163,10 +164,10 @@ def test_a_swap_leaves_the_joint_target_unchanged(settings: Settings) -> None:
         assert tempering.log_swap_ratio(pair, chains[i], chains[j]) == pytest.approx(expected, abs=1e-9)
 
 
-def test_exchanged_chains_keep_what_belongs_to_a_temperature(settings: Settings) -> None:
-    one = make_chain(settings, Coloring.empty(ROOM))
+def test_exchanged_chains_keep_what_belongs_to_a_temperature(target: Target) -> None:
+    one = make_chain(target, Coloring.empty(ROOM))
     draw = exact_draws(0.2, ROOM, 1, np.random.default_rng(5))[0]
-    other = with_map(make_chain(settings, Coloring.empty(ROOM)), settings, draw)
+    other = with_map(make_chain(target, Coloring.empty(ROOM)), target, draw)
     other.density[c.OCCUPIED_COST] = 1.0
     first, second = exchanged(one, other)
     assert first.graph is other.graph
@@ -182,10 +183,10 @@ def test_exchanged_chains_keep_what_belongs_to_a_temperature(settings: Settings)
 @pytest.mark.parametrize("scale", [0.2, 1.0])
 @pytest.mark.parametrize(("window", "resolution"), [(ROOM, 0.37), (ROOM, 0.5), (UNEVEN, 0.1), (UNEVEN, 1.0)])
 def test_a_repainted_image_has_the_colours_of_the_map(window: Window, resolution: float, scale: float) -> None:
-    settings = Settings(window, scale, resolution=resolution)
-    chain = make_chain(settings, exact_draws(scale, window, 1, np.random.default_rng(0))[0])
+    target = Target(window, scale, execution=Execution(resolution=resolution))
+    chain = make_chain(target, exact_draws(scale, window, 1, np.random.default_rng(0))[0])
     for draw in exact_draws(scale, window, 20, np.random.default_rng(1)):
-        placed = with_map(chain, settings, draw)
+        placed = with_map(chain, target, draw)
         repaint(placed)
         assert differences(placed) == []
 
@@ -225,7 +226,8 @@ def test_powers_reach_further_where_swaps_succeed_and_less_far_where_they_fail()
 
 
 def test_a_round_trip_is_from_the_cold_chain_to_the_hottest_and_back() -> None:
-    ladder = Ladder(np.array([1.0, 0.5, 0.2]))
+    target = Target(ROOM, 0.2)
+    ladder = Ladder(target, make_chain(target, Coloring.empty(ROOM)), np.random.default_rng(1), LadderPlan(3))
     ladder.follow(1)
     assert ladder.round_trips == 0
     ladder.follow(0)
@@ -239,15 +241,15 @@ def test_a_round_trip_is_from_the_cold_chain_to_the_hottest_and_back() -> None:
     assert ladder.round_trips == 2
 
 
-def test_the_cost_of_a_sensor_is_what_its_readings_are_worth(settings: Settings) -> None:
+def test_the_cost_of_a_sensor_is_what_its_readings_are_worth(target: Target) -> None:
     """30 readings each, of noise 3 cm where 6 m are in reach and one of 20 is stray."""
     peak = 1.0 / (math.sqrt(2.0 * math.pi) * 0.03)
-    assert occupied_cost(settings, 2) == pytest.approx(30 * math.log1p(peak * 6.0 / 0.05))
-    assert occupied_cost(Settings(ROOM, 0.2), 0) == 5.0
+    assert occupied_cost(target, 2) == pytest.approx(30 * math.log1p(peak * 6.0 / 0.05))
+    assert occupied_cost(Target(ROOM, 0.2), 0) == 5.0
 
 
-def test_energy_counts_occupied_sensors(settings: Settings) -> None:
-    chain = make_chain(settings, Coloring.empty(ROOM))
+def test_energy_counts_occupied_sensors(target: Target) -> None:
+    chain = make_chain(target, Coloring.empty(ROOM))
     assert penalised_log_likelihood(chain, math.inf) == chain.graph.sums[c.LOG_LIKELIHOOD]
     chain.graph.counts[c.OCCUPIED] = 2
     assert penalised_log_likelihood(chain, 7.0) == pytest.approx(chain.graph.sums[c.LOG_LIKELIHOOD] - 14.0)
@@ -257,19 +259,18 @@ WAITING = LadderPlan(3, waits=True)
 
 
 def look_at(monkeypatch: pytest.MonkeyPatch, step: int, verdict: bool) -> None:
-    monkeypatch.setattr(sampler_chains, "FIRST_LOOK", step)
-    monkeypatch.setattr(sampler_chains, "disagree", lambda before, now: verdict)
+    monkeypatch.setattr(ensembles, "FIRST_LOOK", step)
+    monkeypatch.setattr(ensembles, "disagree", lambda before, now: verdict)
 
 
-def advanced(sampler: Sampler, step: int) -> Sampler:
-    with sampler:
-        while sampler.step < step:
-            sampler.advance()
+def advanced(sampler: Ensemble, step: int, threads: int = 1) -> Ensemble:
+    while sampler.step < step:
+        advance(sampler, threads)
     return sampler
 
 
-def fresh(settings: Settings, plan: LadderPlan = WAITING, threads: int = 1) -> Sampler:
-    return Sampler(settings, spawn_generators(7, 2), threads, plan=plan)
+def fresh(target: Target, plan: LadderPlan = WAITING) -> Ensemble:
+    return Ensemble(target, spawn_generators(7, 2), plan)
 
 
 def test_looks_are_at_doublings_that_every_block_meets() -> None:
@@ -280,16 +281,16 @@ def test_looks_are_at_doublings_that_every_block_meets() -> None:
 
 @pytest.mark.parametrize(("shift", "expected"), [(0.0, False), (50.0, True)])
 def test_draws_of_both_times_are_compared(
-    settings: Settings, monkeypatch: pytest.MonkeyPatch, shift: float, expected: bool
+    target: Target, monkeypatch: pytest.MonkeyPatch, shift: float, expected: bool
 ) -> None:
     """Chains that are given other values, all the way, are apart; those with the same ones are not."""
-    sampler = advanced(fresh(settings), 120_000)
+    sampler = advanced(fresh(target), 120_000)
     for number, chain in enumerate(sampler.chains):
         for draw in chain.record.draws:
             draw.functionals[:] = draw.step // 2000 % 3 + number * shift
             draw.probe_black[:] = False
     seen = []
-    monkeypatch.setattr(sampler_chains, "disagree", lambda before, now: seen.append((list(before), list(now))) or True)
+    monkeypatch.setattr(ensembles, "disagree", lambda before, now: seen.append((list(before), list(now))) or True)
     assert sampler.disagree()
     ((before, now),) = seen
     assert disagree(before, now) is expected
@@ -297,33 +298,33 @@ def test_draws_of_both_times_are_compared(
     assert (worst_rhat(before) > 1.05, worst_rhat(now) > 1.05) == (expected, expected)
 
 
-def test_tempering_begins_at_the_look_and_burn_in_anew(settings: Settings, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_tempering_begins_at_the_look_and_burn_in_anew(target: Target, monkeypatch: pytest.MonkeyPatch) -> None:
     look_at(monkeypatch, 20_000, True)
-    sampler = advanced(fresh(settings), 20_000)
+    sampler = advanced(fresh(target), 20_000)
     assert sampler.swaps() == []
     assert sampler.n_temperatures == 1
     assert sampler.burn_in == 8_000, "a run that ends at a look keeps its draws"
-    advanced(again := fresh(settings), 30_000)
+    advanced(again := fresh(target), 30_000)
     assert again.n_temperatures == 3
-    assert [report.first_step for report in again.swaps()] == [20_000, 20_000]
+    assert [report["first_step"] for report in again.swaps()] == [20_000, 20_000]
     assert again.burn_in == 20_000
     assert again.sample().step.min() > 20_000
 
 
-def test_chains_that_do_not_disagree_remain_plain(settings: Settings, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_chains_that_do_not_disagree_remain_plain(target: Target, monkeypatch: pytest.MonkeyPatch) -> None:
     look_at(monkeypatch, 10_000, False)
-    plain = advanced(fresh(settings, LadderPlan(1)), 40_000)
-    assert digests(advanced(fresh(settings), 40_000)) == digests(plain)
+    plain = advanced(fresh(target, LadderPlan(1)), 40_000)
+    assert digests(advanced(fresh(target), 40_000)) == digests(plain)
 
 
 @pytest.mark.parametrize("stop", [10_000, 20_000, 30_000], ids=["before", "at the look", "after"])
 def test_a_resumed_run_is_the_run_in_one(
-    settings: Settings, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, stop: int
+    target: Target, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, stop: int
 ) -> None:
     look_at(monkeypatch, 20_000, True)
-    whole = advanced(fresh(settings, threads=2), 60_000)
-    save_checkpoint(tmp_path, advanced(fresh(settings), stop), "same")
-    resumed = fresh(settings)
+    whole = advanced(fresh(target), 60_000, threads=2)
+    save_checkpoint(tmp_path, advanced(fresh(target), stop), "same")
+    resumed = fresh(target)
     load_checkpoint(tmp_path, resumed, "same")
     assert digests(advanced(resumed, 60_000)) == digests(whole)
     assert resumed.swaps() == whole.swaps()

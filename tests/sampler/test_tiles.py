@@ -2,27 +2,27 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 import pytest
 
-import prf.sampler.tiles.partition as schedule
+import prf.sampler.tiles.rounds as schedule
 from prf.kernels import constants as c
 from prf.kernels.state.chain import Chain
 from prf.kernels.state.targets import Targets
 from prf.model.arak import exact_draws
 from prf.model.coloring import violations
-from prf.model.layout import image_grid, read_coloring, run_chain
+from prf.model.layout import image_grid, read_coloring
 from prf.model.window import Window
-from prf.sampler import Sampler
-from prf.sampler.posterior import Settings, make_chain
-from prf.sampler.record import functionals
+from prf.sampler import Ensemble
+from prf.sampler.chain import functionals
+from prf.sampler.prepare import chosen_tiles
+from prf.sampler.state import make_chain, run_chain
+from prf.sampler.target import Execution, Target
 from prf.sampler.tiles.part import cut_targets, make_part
-from prf.sampler.tiles.partition import random_tiles
-from prf.sampler.tiles.rounds import Round, TileData, make_round, make_tile_data
-from prf.sampler.tiles.tiled import draw_at, finish_round, work_tile
+from prf.sampler.tiles.rounds import Round, TileData, make_round, make_tile_data, random_tiles
+from prf.sampler.tiles.schedule import draw_at, finish_round, work_tile
 from prf.shell.cli.provenance import spawn_generators
+from tests.driving import advance
 from tests.reference.beams import Sensor
 from tests.reference.chain_state import digest, structural_faults
 from tests.reference.recompute import differences, recompute_impacts
@@ -41,21 +41,21 @@ def world() -> World:
 
 
 @pytest.fixture(scope="module")
-def settings(world: World) -> Settings:
+def target(world: World) -> Target:
     """Laser, sonar and points in one world, with an image."""
     rng = np.random.default_rng(4)
     places = np.unique(world.data.readings.origin, axis=0)
     sonar = draw_data(world.coloring, Ring(max=2.5), ring_all_round(places, 12, 0.4, rng), rng)
     points = observe(world.coloring, Flips(), lattice(12, 0.05, 9.95), rng)
-    return Settings(ROOM, SCALE, world.data, resolution=0.5, sonar=sonar, points=points)
+    return Target(ROOM, SCALE, world.data, sonar=sonar, points=points, execution=Execution(resolution=0.5))
 
 
 class Trial:
     """A chain in a world and the round that it begins."""
 
-    def __init__(self, settings: Settings, world: World, seed: int, steps: int = 6000) -> None:
-        self.data: TileData = make_tile_data(settings)
-        self.chain: Chain = make_chain(settings, world.coloring)
+    def __init__(self, target: Target, world: World, seed: int, steps: int = 6000) -> None:
+        self.data: TileData = make_tile_data(target)
+        self.chain: Chain = make_chain(target, world.coloring)
         rng = np.random.default_rng(seed)
         self.begun: Round = make_round(self.data, self.chain, 6, 1.5, steps, rng)
 
@@ -90,8 +90,8 @@ def test_a_window_too_narrow_for_so_many_tiles_has_fewer() -> None:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_each_beam_is_decided_by_one_tile(settings: Settings, world: World, seed: int) -> None:
-    trial = Trial(settings, world, seed)
+def test_each_beam_is_decided_by_one_tile(target: Target, world: World, seed: int) -> None:
+    trial = Trial(target, world, seed)
     n = len(trial.data.ray)
     before = recompute_impacts(trial.chain)
     owners, distance, likelihood = np.zeros(n, int), np.full(n, np.nan), before.log_likelihood.copy()
@@ -114,8 +114,8 @@ def test_each_beam_is_decided_by_one_tile(settings: Settings, world: World, seed
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_the_chain_after_a_round_is_what_its_map_says(settings: Settings, world: World, seed: int) -> None:
-    trial = Trial(settings, world, seed)
+def test_the_chain_after_a_round_is_what_its_map_says(target: Target, world: World, seed: int) -> None:
+    trial = Trial(target, world, seed)
     old = trial.begun.coloring
     step = int(trial.chain.graph.counts[c.STEP])
     chain = trial.finish()
@@ -133,8 +133,8 @@ def ends_of(coloring: object) -> list[list[tuple[float, float]]]:
     return [[(x, y), (u, v)] for x, y, u, v in coloring.segments().tolist()]  # type: ignore[attr-defined]
 
 
-def test_steps_of_all_tiles_are_counted(settings: Settings, world: World) -> None:
-    trial = Trial(settings, world, 5)
+def test_steps_of_all_tiles_are_counted(target: Target, world: World) -> None:
+    trial = Trial(target, world, 5)
     before = trial.chain.image.black.copy()
     chain = trial.finish()
     step = int(chain.graph.counts[c.STEP])
@@ -147,8 +147,8 @@ def test_steps_of_all_tiles_are_counted(settings: Settings, world: World) -> Non
     assert still.sum() > 10
 
 
-def test_a_tile_draws_and_counts_only_what_lies_inside(settings: Settings, world: World) -> None:
-    trial = Trial(settings, world, 6)
+def test_a_tile_draws_and_counts_only_what_lies_inside(target: Target, world: World) -> None:
+    trial = Trial(target, world, 6)
     for number in trial.numbers:
         part = make_part(trial.data, trial.begun, number)
         graph, box = part.chain.graph, trial.begun.tiles[number]
@@ -163,9 +163,9 @@ def test_a_tile_draws_and_counts_only_what_lies_inside(settings: Settings, world
 
 
 def test_steps_in_the_prior_have_no_readings() -> None:
-    settings = Settings(ROOM, 0.4)
-    data = make_tile_data(settings)
-    chain = make_chain(settings, exact_draws(0.4, ROOM, 1, np.random.default_rng(2))[0])
+    target = Target(ROOM, 0.4)
+    data = make_tile_data(target)
+    chain = make_chain(target, exact_draws(0.4, ROOM, 1, np.random.default_rng(2))[0])
     rng = np.random.default_rng(3)
     for _ in range(3):
         begun = make_round(data, chain, 5, 1.5, 5000, rng)
@@ -179,16 +179,16 @@ def short_rounds(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(schedule, "STEPS_PER_READING", 100)
 
 
-def run_tiled(settings: Settings, threads: int, rounds: int) -> Sampler:
-    with Sampler(dataclasses.replace(settings, tiles=5), spawn_generators(7, 2), threads) as sampler:
-        while sampler.step < rounds * 32_000:
-            sampler.advance()
+def run_tiled(target: Target, threads: int, rounds: int) -> Ensemble:
+    sampler = Ensemble(target.with_execution(tiles=5), spawn_generators(7, 2), threads=threads)
+    while sampler.step < rounds * 32_000:
+        advance(sampler, threads)
     return sampler
 
 
 @pytest.mark.usefixtures("short_rounds")
-def test_threads_change_no_result(settings: Settings) -> None:
-    one, two, three = (run_tiled(settings, threads, 3) for threads in (1, 2, 3))
+def test_threads_change_no_result(target: Target) -> None:
+    one, two, three = (run_tiled(target, threads, 3) for threads in (1, 2, 3))
     for other in (two, three):
         for a, b in zip(one.chains, other.chains, strict=True):
             assert digest(a.chain, a.rng) == digest(b.chain, b.rng)
@@ -199,15 +199,15 @@ def test_threads_change_no_result(settings: Settings) -> None:
     assert np.nanmax(one.occupancy()[1]) <= 1.0
 
 
-def test_draws_within_a_round_are_what_their_maps_say(settings: Settings, world: World) -> None:
+def test_draws_within_a_round_are_what_their_maps_say(target: Target, world: World) -> None:
     probes = np.arange(0, 480, 7)
-    trial = Trial(settings, world, 6)
+    trial = Trial(target, world, 6)
     begun = make_round(trial.data, trial.chain, 6, 1.5, 6000, np.random.default_rng(6), 3, probes)
     at_first = functionals(trial.chain)
     results = [work_tile(trial.data, begun, number) for number in range(6)]
     draws = [draw_at(begun, results, look, 1000 * look, at_first) for look in range(3)]
     for draw in draws:
-        chain = make_chain(settings, draw.coloring)
+        chain = make_chain(target, draw.coloring)
         assert violations(draw.coloring) == []
         np.testing.assert_allclose(draw.functionals, functionals(chain), rtol=1e-9)
         assert np.array_equal(draw.probe_black, chain.image.black[probes])
@@ -216,20 +216,20 @@ def test_draws_within_a_round_are_what_their_maps_say(settings: Settings, world:
     np.testing.assert_allclose(draws[-1].functionals, functionals(last), rtol=1e-9)
 
 
-def test_looks_change_no_result(settings: Settings, world: World) -> None:
+def test_looks_change_no_result(target: Target, world: World) -> None:
     maps = []
     for looks in (1, 4):
-        trial = Trial(settings, world, 7)
+        trial = Trial(target, world, 7)
         begun = make_round(trial.data, trial.chain, 6, 1.5, 6000, np.random.default_rng(7), looks)
         results = [work_tile(trial.data, begun, number) for number in range(6)]
         maps.append(finish_round(trial.data, trial.chain, begun, results).graph)
     assert all(np.array_equal(a, b) for a, b in zip(*maps, strict=True))
 
 
-def test_a_beam_has_no_influence_beyond_its_own(settings: Settings) -> None:
-    data = make_tile_data(settings)
+def test_a_beam_has_no_influence_beyond_its_own(target: Target) -> None:
+    data = make_tile_data(target)
     assert (data.influence <= data.ray[:, c.MAX_DISTANCE]).all()
-    chain = make_chain(settings, exact_draws(SCALE, ROOM, 1, np.random.default_rng(2))[0]._replace(anchor_black=False))
+    chain = make_chain(target, exact_draws(SCALE, ROOM, 1, np.random.default_rng(2))[0]._replace(anchor_black=False))
     found = recompute_impacts(chain)
     beyond = (found.distance > data.influence) & (found.distance < data.ray[:, c.MAX_DISTANCE])
     assert beyond.sum() > 3
@@ -239,13 +239,13 @@ def test_a_beam_has_no_influence_beyond_its_own(settings: Settings) -> None:
 
 
 def test_windows_that_are_large_and_full_have_tiles() -> None:
-    assert schedule.chosen_tiles(Window(0.0, 0.0, 50.0, 50.0), 10**6) == 0
-    assert schedule.chosen_tiles(Window(0.0, 0.0, 200.0, 200.0), 100) == 0
-    assert schedule.chosen_tiles(Window(0.0, 0.0, 200.0, 200.0), 10**5) > 4
+    assert chosen_tiles(Window(0.0, 0.0, 50.0, 50.0), 10**6) == 0
+    assert chosen_tiles(Window(0.0, 0.0, 200.0, 200.0), 100) == 0
+    assert chosen_tiles(Window(0.0, 0.0, 200.0, 200.0), 10**5) > 4
 
 
-def test_targets_of_a_tile_are_those_of_the_window_in_it(settings: Settings) -> None:
-    data = make_tile_data(settings)
+def test_targets_of_a_tile_are_those_of_the_window_in_it(target: Target) -> None:
+    data = make_tile_data(target)
     tile = Window(2.3, 1.9, 7.4, 8.8)
     whole, part = data.targets, cut_targets(data.targets, tile)
 

@@ -6,7 +6,6 @@ Exits with 1 if a check fails, or if a mistake made on purpose is not caught. do
 from __future__ import annotations
 
 import argparse
-import dataclasses
 import json
 import sys
 import time
@@ -105,13 +104,13 @@ class Run:
         asked = self.asked
         station = small_station(IMAGE_RESOLUTION)
         rng = np.random.default_rng([seed, 3])
-        settings = station.read(station.draw_map(rng), rng)
-        loops = by_loops(station, settings, asked.image_chains, asked.loops, seed)
+        target = station.read(station.draw_map(rng), rng)
+        loops = by_loops(station, target, asked.image_chains, asked.loops, seed)
         checks = [mixing_check("images, disagreement loops", loops)]
         for name, given, plan in (
-            ("the sampler, plain", settings, None),
-            ("the sampler, levels and tempering", dataclasses.replace(settings, levels=LEVELS), LADDER),
-            ("control, the sampler, noise taken for less than half", sharper(settings), None),
+            ("the sampler, plain", target, None),
+            ("the sampler, levels and tempering", target.with_execution(levels=LEVELS), LADDER),
+            ("control, the sampler, noise taken for less than half", sharper(target), None),
         ):
             found = by_sampler(given, plan, asked.image_chains, asked.image_steps, seed, asked.threads)
             is_control = name.startswith("control")

@@ -10,8 +10,9 @@ import numpy as np
 
 from prf.model.arak import exact_draws
 from prf.model.coloring import Coloring, Draws
-from prf.model.layout import read_coloring, run_chain
-from prf.sampler.posterior import Settings, make_chain
+from prf.model.layout import read_coloring
+from prf.sampler.state import make_chain, run_chain
+from prf.sampler.target import Target
 from tests.reference.free_way import is_free
 from tests.statistical import mutants
 from tests.statistical.problems import NAMES, PROBLEMS
@@ -26,46 +27,46 @@ MUTANT = mutants.BIRTH
 """A ratio that is wrong by a number of permutations."""
 
 
-def sharper(settings: Settings) -> Settings:
+def sharper(target: Target) -> Target:
     """Return settings in which the noise of all readings is taken for less than half of what it is."""
-    return with_noise(settings, SHARPER)
+    return with_noise(target, SHARPER)
 
 
-def blunter(settings: Settings) -> Settings:
+def blunter(target: Target) -> Target:
     """Return settings in which it is taken for more than twice of what it is: maps are explored as quickly as ever."""
-    return with_noise(settings, BLUNTER)
+    return with_noise(target, BLUNTER)
 
 
-def rougher(settings: Settings) -> Settings:
+def rougher(target: Target) -> Target:
     """Return settings whose prior expects walls of half their length."""
-    return dataclasses.replace(settings, scale=2.0 * settings.scale)
+    return dataclasses.replace(target, scale=2.0 * target.scale)
 
 
-def with_noise(settings: Settings, factor: float) -> Settings:
+def with_noise(target: Target, factor: float) -> Target:
     """Return settings whose sensors have so many times their noise."""
     changes = {}
     for name in ("laser", "sonar"):
-        data = getattr(settings, name)
+        data = getattr(target, name)
         if data is not None:
             model = data.model.replace(noise=factor * data.model.noise)
             changes[name] = dataclasses.replace(data, model=model)
-    return dataclasses.replace(settings, **changes)
+    return dataclasses.replace(target, **changes)
 
 
-def from_prior(settings: Settings, rng: np.random.Generator, threads: int) -> Answer:
+def from_prior(target: Target, rng: np.random.Generator, threads: int) -> Answer:
     """Draws of the prior, whatever the readings: their ranks are uniform in all that does not look at these."""
     draws: list[Coloring] = []
     while len(draws) < N_DRAWS:
-        some = exact_draws(settings.scale, settings.window, N_DRAWS, rng)
-        draws += [draw for draw in some if is_free(settings, draw)]
+        some = exact_draws(target.scale, target.window, N_DRAWS, rng)
+        draws += [draw for draw in some if is_free(target, draw)]
     return Answer(Draws.from_colorings(draws[:N_DRAWS]), 0, True)
 
 
-def too_early(settings: Settings, rng: np.random.Generator, threads: int) -> Answer:
+def too_early(target: Target, rng: np.random.Generator, threads: int) -> Answer:
     """Draws of chains that have not left their start, the white map."""
     maps = []
     for generator in rng.spawn(N_CHAINS):
-        chain = make_chain(dataclasses.replace(settings, resolution=None), Coloring.empty(settings.window))
+        chain = make_chain(target.with_execution(resolution=None), Coloring.empty(target.window))
         for step in np.linspace(SHORT // 2, SHORT, N_DRAWS // N_CHAINS).astype(int).tolist():
             chain = run_chain(chain, generator, step)
             maps.append(read_coloring(chain.graph))

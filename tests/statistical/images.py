@@ -16,10 +16,11 @@ from scipy import stats
 from prf.model.coloring import Draws, black_at_draws
 from prf.model.window import Window
 from prf.results.convergence import diagnose
-from prf.sampler import Sampler
-from prf.sampler.posterior import Settings
+from prf.sampler import Ensemble
+from prf.sampler.target import Target
 from prf.sampler.tempering import LadderPlan
 from prf.shell.cli.progress import progress
+from tests.driving import advance
 from tests.reference.disagreement_loops import sample
 from tests.statistical.check import Check
 from tests.statistical.means import Floats, Mean, z_scores
@@ -93,7 +94,7 @@ def estimate(values: Floats, seconds: float) -> Estimate:
     return Estimate(flat.mean(axis=0), error, worst, float(min((one.ess for one in varying), default=np.inf)), seconds)
 
 
-def by_loops(station: Station, settings: Settings, n_chains: int, steps: int, seed: int) -> Estimate:
+def by_loops(station: Station, target: Target, n_chains: int, steps: int, seed: int) -> Estimate:
     """Sample by disagreement loops, each chain from a draw of the prior."""
     start, kept = time.monotonic(), []
     with progress(n_chains * steps, "disagreement loops") as reporter:
@@ -101,8 +102,8 @@ def by_loops(station: Station, settings: Settings, n_chains: int, steps: int, se
             rng = np.random.default_rng([seed, 1, number])
             chain = sample(
                 station.draw_map(rng),
-                settings.scale,
-                lambda coloring: station.log_likelihood(settings, coloring),
+                target.scale,
+                lambda coloring: station.log_likelihood(target, coloring),
                 tuple(station.sensors[0].tolist()),
                 rng,
             )
@@ -115,18 +116,16 @@ def by_loops(station: Station, settings: Settings, n_chains: int, steps: int, se
     return estimate(np.array(kept), time.monotonic() - start)
 
 
-def by_sampler(
-    settings: Settings, plan: LadderPlan | None, n_chains: int, steps: int, seed: int, threads: int
-) -> Estimate:
+def by_sampler(target: Target, plan: LadderPlan | None, n_chains: int, steps: int, seed: int, threads: int) -> Estimate:
     """Sample as ``prf sample`` does."""
     start = time.monotonic()
     generators = [np.random.default_rng([seed, 2, number]) for number in range(n_chains)]
-    with Sampler(settings, generators, threads, plan=plan) as sampler:
-        with progress(steps, "the sampler") as reporter:
-            while sampler.step < steps:
-                sampler.advance()
-                reporter(sampler.step)
-        found = sampler.sample()
+    sampler = Ensemble(target, generators, plan=plan)
+    with progress(steps, "the sampler") as reporter:
+        while sampler.step < steps:
+            advance(sampler, threads)
+            reporter.update(sampler.step)
+    found = sampler.sample()
     values = looked_at(found.draws)
     return estimate(np.array([values[found.chain == k] for k in range(n_chains)]), time.monotonic() - start)
 

@@ -11,7 +11,6 @@ Geweke (2004), Getting it right: joint distribution tests of posterior simulator
 
 from __future__ import annotations
 
-import dataclasses
 import time
 from collections.abc import Callable
 from typing import NamedTuple
@@ -23,12 +22,14 @@ from prf.kernels import constants as c
 from prf.kernels.state.build import recompute_sums
 from prf.kernels.state.chain import Chain
 from prf.model.coloring import Coloring, Draws
-from prf.model.layout import read_coloring, run_chain
-from prf.sampler.posterior import Settings, make_chain
-from prf.sampler.tempering import LadderPlan, Tempering
+from prf.model.layout import read_coloring
+from prf.sampler.state import make_chain, run_chain
+from prf.sampler.target import Target
+from prf.sampler.tempering import Ladder, LadderPlan
 from prf.sampler.tiles.rounds import make_round, make_tile_data
-from prf.sampler.tiles.tiled import finish_round, work_tile
+from prf.sampler.tiles.schedule import finish_round, work_tile
 from prf.shell.cli.progress import progress
+from tests.driving import run_to
 from tests.statistical.check import Check
 from tests.statistical.means import Floats, Mean, plain_mean, z_scores
 from tests.statistical.problems import Station, from_map, names
@@ -71,8 +72,8 @@ class Program(NamedTuple):
 
     name: str
     levels: int
-    move: Callable[[Settings, Chain, np.random.Generator], Coloring]
-    spoil: Callable[[Settings], Settings] = lambda settings: settings
+    move: Callable[[Target, Chain, np.random.Generator], Coloring]
+    spoil: Callable[[Target], Target] = lambda target: target
 
 
 def changes(change: Callable[[np.random.Generator], Floats], n: int, seed: int) -> Floats:
@@ -85,56 +86,56 @@ def z_of_changes(found: Floats) -> Floats:
     return z_scores(plain_mean(found), Mean(np.zeros(found.shape[1]), np.zeros(found.shape[1])))
 
 
-def moved_plainly(settings: Settings, chain: Chain, rng: np.random.Generator) -> Coloring:
+def moved_plainly(target: Target, chain: Chain, rng: np.random.Generator) -> Coloring:
     """Steps of one chain that asks all readings."""
     chain = unbounded(chain)
     recompute_sums(chain)
     return read_coloring(run_chain(chain, rng, STEPS).graph)
 
 
-def moved_with_accelerators(settings: Settings, chain: Chain, rng: np.random.Generator) -> Coloring:
+def moved_with_accelerators(target: Target, chain: Chain, rng: np.random.Generator) -> Coloring:
     """Steps with bounds and levels, a round of tiles, then swaps with a hot chain that has exact draws of the prior.
 
     No other temperature may begin anew at each set of readings: its map would remember the readings before.
     """
     chain = run_chain(chain, rng, STEPS // 4)
-    data = make_tile_data(settings)
+    data = make_tile_data(target)
     begun = make_round(data, chain, TILES, LEAST_SIDE, STEPS // 4, rng)
     chain = finish_round(data, chain, begun, [work_tile(data, begun, k) for k in range(len(begun.tiles))])
-    tempering = Tempering(settings, chain, rng, LadderPlan(2, lowest=0.0))
+    tempering = Ladder(target, chain, rng, LadderPlan(2, lowest=0.0))
     tempering.spacing = SPACING
-    return read_coloring(tempering.run_to(chain, rng, int(chain.graph.counts[c.STEP]) + STEPS // 2).graph)
+    return read_coloring(run_to(tempering, chain, rng, int(chain.graph.counts[c.STEP]) + STEPS // 2).graph)
 
 
 PLAIN = Program("plain", 1, moved_plainly)
 ACCELERATED = Program("bounds, levels, tiles, prior's temperature", LEVELS, moved_with_accelerators)
 
 
-def quantities(settings: Settings, coloring: Coloring, chain: Chain) -> Floats:
+def quantities(target: Target, coloring: Coloring, chain: Chain) -> Floats:
     """Return what is compared, (len(QUANTITIES),)."""
-    assert settings.laser is not None
-    assert settings.sonar is not None
-    assert settings.points is not None
+    assert target.laser is not None
+    assert target.sonar is not None
+    assert target.points is not None
     shape = from_map(Draws.from_colorings([coloring]), PLACES)[0]
     read = []
     for readings, most in (
-        (settings.laser.readings.range, settings.laser.model.max_range),
-        (settings.sonar.readings.range, settings.sonar.model.max_range),
+        (target.laser.readings.range, target.laser.model.max_range),
+        (target.sonar.readings.range, target.sonar.model.max_range),
     ):
         read += [np.minimum(readings, most).mean(), float((readings >= most).sum())]
     sums = chain.graph.sums[[c.LOG_PRIOR, c.LOG_LIKELIHOOD]]
-    return np.array([*shape, *sums, shape[0] ** 2, shape[1] ** 2, *read, settings.points.table.value.sum()])
+    return np.array([*shape, *sums, shape[0] ** 2, shape[1] ** 2, *read, target.points.readings.value.sum()])
 
 
 def successive(station: Station, program: Program, n_turns: int, rng: np.random.Generator) -> Floats:
     """Return the quantities after every turn (n_turns, len(QUANTITIES)); the first is a marginal-conditional draw."""
     coloring, rows = station.draw_map(rng), []
     for _ in range(n_turns):
-        settings = station.read(coloring, rng)
-        given = dataclasses.replace(program.spoil(settings), levels=program.levels)
+        target = station.read(coloring, rng)
+        given = program.spoil(target).with_execution(levels=program.levels)
         chain = make_chain(given, coloring)
         # Of the settings that the sampler is given: any function of map and readings will do.
-        rows.append(quantities(settings, coloring, chain))
+        rows.append(quantities(target, coloring, chain))
         coloring = program.move(given, chain, rng)
     return np.array(rows)
 
@@ -144,7 +145,7 @@ def marginal(station: Station, program: Program, n: int, rng: np.random.Generato
     return plain_mean(np.concatenate([successive(station, program._replace(move=stay), 1, rng) for _ in range(n)]))
 
 
-def stay(settings: Settings, chain: Chain, rng: np.random.Generator) -> Coloring:
+def stay(target: Target, chain: Chain, rng: np.random.Generator) -> Coloring:
     """Do not move."""
     return read_coloring(chain.graph)
 

@@ -21,7 +21,8 @@ from prf.model.arak import exact_draws
 from prf.model.coloring import Coloring, Draws
 from prf.model.layout import grow, make_targets, read_coloring
 from prf.model.window import Window
-from prf.sampler.posterior import Settings, make_chain
+from prf.sampler.state import make_chain
+from prf.sampler.target import Target
 from tests.statistical.laws import law_scores
 
 UNIT = Window(0.0, 0.0, 1.0, 1.0)
@@ -32,13 +33,13 @@ TARGET_SIDE = 0.05
 
 
 def prior_draws(
-    steps: int, seed: int, settings: Settings, odds: dict[int, float], n_targets: int
+    steps: int, seed: int, target: Target, odds: dict[int, float], n_targets: int
 ) -> tuple[Draws, NDArray[np.int64]]:
     """Return every `THIN`-th map of one chain from the empty map, after the burn-in, and the outcomes of its moves."""
     rng = np.random.default_rng(seed)
-    chain = make_chain(settings, Coloring.empty(UNIT))
+    chain = make_chain(target, Coloring.empty(UNIT))
     chain = chain._replace(targets=make_targets(UNIT, TARGET_SIDE, rng.random((n_targets, 2))))
-    chain.tuning[c.AIMED_SHARE] = settings.aimed_share if n_targets > 0 else 0.0
+    chain.tuning[c.AIMED_SHARE] = target.tuning.aimed_share if n_targets > 0 else 0.0
     for move, share in odds.items():
         chain.move_probabilities[move] = share
     chain.move_probabilities[:] /= chain.move_probabilities.sum()
@@ -65,9 +66,9 @@ if __name__ == "__main__":
     odds = {getattr(c, name): share for name, share in numbers.items() if name.isupper()}
     changes = {name: number for name, number in numbers.items() if name.islower()}
     n_targets = int(changes.pop("targets", 0))
-    settings = Settings(UNIT, **{"scale": 1.0, "cell": 0.2, **changes})
-    draws, outcomes = prior_draws(steps, seed, settings, odds, n_targets)
-    scores = law_scores(draws, settings.scale, UNIT, batch=len(draws) // N_BATCHES)
+    target = Target(UNIT, **{"scale": 1.0, "cell": 0.2, **changes})
+    draws, outcomes = prior_draws(steps, seed, target, odds, n_targets)
+    scores = law_scores(draws, target.scale, UNIT, batch=len(draws) // N_BATCHES)
     found = {
         "package": prf.__file__,
         "z": scores.z,

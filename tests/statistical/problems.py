@@ -18,8 +18,8 @@ from prf.model.arak import exact_draws
 from prf.model.coloring import Coloring, Draws, black_areas, black_at, black_at_draws
 from prf.model.layout import make_graph
 from prf.model.window import Window
-from prf.sampler.chain_map import with_graph
-from prf.sampler.posterior import LaserData, Settings, make_chain
+from prf.sampler.state import make_chain, with_graph
+from prf.sampler.target import Execution, Target, laser_data
 from tests.reference import beams, slow_points, slow_sonar
 from tests.reference.beams import Sensor, draw_readings, impacts
 from tests.reference.free_way import is_free
@@ -54,7 +54,7 @@ NAMES = names(PLACES)
 class Problem(NamedTuple):
     """A posterior, and the map from which its readings were drawn."""
 
-    settings: Settings
+    target: Target
     truth: Coloring
 
 
@@ -67,13 +67,13 @@ class DrawProblem(Protocol):
 def laser_problem(rng: np.random.Generator) -> Problem:
     """Two lasers at random, twelve beams each."""
     world = draw_world(SCALE, ROOM, SENSOR, N_SENSORS, N_BEAMS, rng)
-    return Problem(Settings(ROOM, SCALE, world.data, resolution=RESOLUTION), world.coloring)
+    return Problem(Target(ROOM, SCALE, world.data, execution=Execution(resolution=RESOLUTION)), world.coloring)
 
 
 def sonar_problem(rng: np.random.Generator) -> Problem:
     """Two sonar rings at random, six cones each."""
     world = draw_sonar_world(SCALE, ROOM, RING, N_SENSORS, N_CONES, VIEW, rng)
-    return Problem(Settings(ROOM, SCALE, sonar=world.data, resolution=RESOLUTION), world.coloring)
+    return Problem(Target(ROOM, SCALE, sonar=world.data, execution=Execution(resolution=RESOLUTION)), world.coloring)
 
 
 def driven_problem(rng: np.random.Generator) -> Problem:
@@ -81,15 +81,17 @@ def driven_problem(rng: np.random.Generator) -> Problem:
     place, to = rng.uniform(0.5, 3.5, (N_SENSORS, 2)), rng.uniform(-np.pi, np.pi, N_SENSORS)
     way = np.hstack([place, np.clip(place + 2.0 * np.column_stack([np.cos(to), np.sin(to)]), 0.1, 3.9)])
     origin, angle = np.repeat(place, N_BEAMS, axis=0), rng.uniform(-np.pi, np.pi, N_SENSORS * N_BEAMS)
-    unread = LaserData.from_arrays(origin, angle, np.full(len(angle), np.inf), model_of(SENSOR))
-    settings = Settings(ROOM, SCALE, unread, resolution=RESOLUTION, way=way, driven_radius=DRIVEN_RADIUS)
+    unread = laser_data(origin, angle, np.full(len(angle), np.inf), model_of(SENSOR))
+    target = Target(
+        ROOM, SCALE, unread, way=way, driven_radius=DRIVEN_RADIUS, execution=Execution(resolution=RESOLUTION)
+    )
     while True:
         world = exact_draws(SCALE, ROOM, 1, rng)[0]
-        if is_free(settings, world):
+        if is_free(target, world):
             break
     readings = draw_readings(SENSOR, impacts(world, origin, angle, SENSOR.max), rng)
-    laser = LaserData.from_arrays(origin, angle, readings, model_of(SENSOR))
-    return Problem(dataclasses.replace(settings, laser=laser), world)
+    laser = laser_data(origin, angle, readings, model_of(SENSOR))
+    return Problem(dataclasses.replace(target, laser=laser), world)
 
 
 PROBLEMS: dict[str, DrawProblem] = {"laser": laser_problem, "sonar": sonar_problem}
@@ -101,13 +103,13 @@ def from_map(draws: Draws, places: Floats = PLACES) -> Floats:
     return np.column_stack([draws.n_edges, draws.total_length(), black_areas(draws), colours]).astype(np.float64)
 
 
-def values(settings: Settings, draws: Draws) -> Floats:
+def values(target: Target, draws: Draws) -> Floats:
     """Return all that is compared, (n_draws, len(NAMES)); densities by the kernels, from the map alone."""
-    chain = make_chain(settings, Coloring.empty(settings.window))
+    chain = make_chain(target, Coloring.empty(target.window))
     sums = []
     for draw in draws:
         graph = make_graph(draw, 2 * draw.n_vertices + 64)
-        sums.append(with_graph(chain, settings, graph).graph.sums[1:].copy())
+        sums.append(with_graph(chain, target, graph).graph.sums[1:].copy())
     return np.column_stack([from_map(draws), np.array(sums).reshape(len(draws), 2)])
 
 
@@ -156,27 +158,29 @@ class Station(NamedTuple):
         """Return an exact draw of the prior, given that every sensor stands in white."""
         return draw_white(self.scale, self.window, self.sensors, rng)
 
-    def read(self, coloring: Coloring, rng: np.random.Generator) -> Settings:
+    def read(self, coloring: Coloring, rng: np.random.Generator) -> Target:
         """Return the posterior of readings that are drawn in this map."""
         distance = beams.impacts(coloring, self.origin, self.angle, self.laser.max)
         readings = beams.draw_readings(self.laser, distance, rng)
-        laser = LaserData.from_arrays(self.origin, self.angle, readings, model_of(self.laser))
+        laser = laser_data(self.origin, self.angle, readings, model_of(self.laser))
         sonar = draw_data(coloring, self.ring, self.cones, rng)
         points = slow_points.observe(coloring, self.flips, self.xy, rng)
-        return Settings(self.window, self.scale, laser, resolution=self.resolution, sonar=sonar, points=points)
+        return Target(
+            self.window, self.scale, laser, sonar=sonar, points=points, execution=Execution(resolution=self.resolution)
+        )
 
-    def log_likelihood(self, settings: Settings, coloring: Coloring) -> float:
+    def log_likelihood(self, target: Target, coloring: Coloring) -> float:
         """Return what readings say of a map, by the slow oracles; -inf where a sensor stands in black."""
         if black_at(coloring, self.sensors).any():
             return -math.inf
-        assert settings.laser is not None
-        assert settings.sonar is not None
-        assert settings.points is not None
-        total = slow_points.log_likelihood(coloring, self.flips, settings.points)
+        assert target.laser is not None
+        assert target.sonar is not None
+        assert target.points is not None
+        total = slow_points.log_likelihood(coloring, self.flips, target.points)
         total += sum(
-            beams.log_likelihoods_in(coloring, self.laser, self.origin, self.angle, settings.laser.readings.range)
+            beams.log_likelihoods_in(coloring, self.laser, self.origin, self.angle, target.laser.readings.range)
         )
-        for reading, cone in zip(settings.sonar.readings.range.tolist(), self.cones, strict=True):
+        for reading, cone in zip(target.sonar.readings.range.tolist(), self.cones, strict=True):
             reach = slow_sonar.reach_in(self.window, cone, self.ring.max)
             seen = slow_sonar.features(coloring, cone, reach)
             total += slow_sonar.log_likelihood(self.ring, seen, reading, reach)

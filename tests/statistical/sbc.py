@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 import prf
 from prf.model.coloring import Draws
-from prf.sampler.posterior import Settings
+from prf.sampler.target import Target
 from prf.shell.cli.progress import progress
 from tests.statistical.check import Check
 from tests.statistical.problems import NAMES, PROBLEMS, DrawProblem, values
@@ -173,9 +173,9 @@ class Arm(NamedTuple):
     name: str
     draw: DrawProblem
     way: Way
-    spoil: Callable[[Settings], Settings] = lambda settings: settings
+    spoil: Callable[[Target], Target] = lambda target: target
     names: tuple[str, ...] = NAMES
-    values: Callable[[Settings, Draws], Floats] = values
+    values: Callable[[Target, Draws], Floats] = values
 
 
 def standard_arm(kind: str, way: str) -> Arm:
@@ -188,9 +188,9 @@ def run_arm(arm: Arm, n_worlds: int, seed: int, threads: int) -> Calibration:
 
     def make(number: int) -> World:
         rng = np.random.default_rng([seed, *arm.name.encode(), number])
-        settings, truth = arm.draw(rng)
-        answer = arm.way(arm.spoil(settings), rng, threads)
-        own, drawn = (arm.values(settings, each) for each in (Draws.from_colorings([truth]), answer.draws))
+        target, truth = arm.draw(rng)
+        answer = arm.way(arm.spoil(target), rng, threads)
+        own, drawn = (arm.values(target, each) for each in (Draws.from_colorings([truth]), answer.draws))
         return World(rank_of(own[0], drawn, rng), bool(answer.agreed), int(answer.steps))
 
     return calibrate(make, n_worlds, arm.names, workers=1, title=arm.name)

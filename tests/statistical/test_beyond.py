@@ -19,9 +19,11 @@ from prf.model.laser import make_rays
 from prf.model.sensors import LaserModel, SonarModel
 from prf.model.sonar import make_poses
 from prf.model.window import Window
-from prf.sampler import Sampler, posterior
-from prf.sampler.posterior import LaserData, Settings, SonarData
+from prf.sampler import Ensemble
+from prf.sampler import target as targets
+from prf.sampler.target import Execution, LaserData, SonarData, Target, laser_data
 from prf.shell.cli.provenance import spawn_generators
+from tests.driving import advance
 from tests.reference.beams import Sensor, draw_readings, impacts
 from tests.reference.slow_sonar import Cone, Ring
 from tests.reference.sonar_worlds import draw_data, ring_all_round
@@ -66,7 +68,7 @@ def hall_of_beams() -> LaserData:
     origin, angle = np.repeat(place, 48, axis=0), np.tile(2.0 * np.pi / 48 * (np.arange(48) + 0.3), 3)
     world = from_polygons(walls(3.0, 3.4) | POST, HALL)
     distance = impacts(world, origin, angle, 10.0)
-    return LaserData.from_arrays(
+    return laser_data(
         origin, angle, draw_readings(Sensor(10.0, outlier=0.0, miss=0.0), distance, rng), LaserModel(10.0)
     )
 
@@ -80,18 +82,18 @@ def hall_of_cones() -> SonarData:
     return draw_data(from_polygons(walls(1.0, 1.4) | POST | pole, HALL), ring, [*rings, *beside], rng)
 
 
-def settings_of(kind: str, window: Window) -> Settings:
+def target_of(kind: str, window: Window) -> Target:
     if kind == "laser":
-        return Settings(window, SCALE, hall_of_beams(), resolution=0.25)
-    return Settings(window, SCALE, sonar=hall_of_cones(), resolution=0.25)
+        return Target(window, SCALE, hall_of_beams(), execution=Execution(resolution=0.25))
+    return Target(window, SCALE, sonar=hall_of_cones(), execution=Execution(resolution=0.25))
 
 
-def share_black(settings: Settings, seed: int) -> Estimate:
+def share_black(target: Target, seed: int) -> Estimate:
     """Probability that each place is black, and that any of the open ones is; and the Monte Carlo errors."""
-    with Sampler(settings, spawn_generators(seed, N_CHAINS), 1) as sampler:
-        while sampler.step < STEPS:
-            sampler.advance()
-        found = sampler.sample()
+    sampler = Ensemble(target, spawn_generators(seed, N_CHAINS))
+    while sampler.step < STEPS:
+        advance(sampler)
+    found = sampler.sample()
     black = black_at_draws(found.draws, PLACES).astype(np.float64)
     black = np.column_stack([black, black[:, OPEN].max(axis=1)])
     return estimate(np.array([black[found.chain == k] for k in range(N_CHAINS)]), 0.0)
@@ -116,14 +118,14 @@ def poses_uncensored(model: SonarModel, *cones: Floats | Window) -> Floats:
 
 @pytest.fixture
 def uncensored(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(posterior, "make_rays", rays_uncensored)
-    monkeypatch.setattr(posterior, "make_poses", poses_uncensored)
+    monkeypatch.setattr(targets, "make_rays", rays_uncensored)
+    monkeypatch.setattr(targets, "make_poses", poses_uncensored)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["laser", "sonar"])
 def test_a_crop_agrees_with_the_large_window(kind: str) -> None:
-    large, crop = (share_black(settings_of(kind, window), seed) for window, seed in ((HALL, 1), (CROP, 2)))
+    large, crop = (share_black(target_of(kind, window), seed) for window, seed in ((HALL, 1), (CROP, 2)))
     told = f"{kind}: {apart(large, crop):.2f} errors apart, R-hat {large.rhat:.3f}, {crop.rhat:.3f}"
     print(told)
     assert max(large.rhat, crop.rhat) < 1.1, told
@@ -135,7 +137,7 @@ def test_a_crop_agrees_with_the_large_window(kind: str) -> None:
 @pytest.mark.parametrize("kind", ["laser", "sonar"])
 @pytest.mark.usefixtures("uncensored")
 def test_readings_that_are_not_censored_are_caught(kind: str) -> None:
-    large, crop = (share_black(settings_of(kind, window), seed) for window, seed in ((HALL, 1), (CROP, 2)))
+    large, crop = (share_black(target_of(kind, window), seed) for window, seed in ((HALL, 1), (CROP, 2)))
     print(f"{kind}: {apart(large, crop):.2f} errors apart, black somewhere {large.mean[-1]:.2f}, {crop.mean[-1]:.2f}")
     assert apart(large, crop) > LIMIT
 
@@ -160,14 +162,14 @@ def laser_that_looks_out(rng: np.random.Generator) -> Problem:
     world, place = world_round_the_room(rng)
     origin, angle = np.repeat(place, N_BEAMS, axis=0), rng.uniform(-np.pi, np.pi, N_SENSORS * N_BEAMS)
     readings = draw_readings(BLUNT, impacts(world, origin, angle, BLUNT.max), rng)
-    data = LaserData.from_arrays(origin, angle, readings, model_of(BLUNT))
-    return Problem(Settings(ROOM, SCALE, data, resolution=0.25), cropped(world))
+    data = laser_data(origin, angle, readings, model_of(BLUNT))
+    return Problem(Target(ROOM, SCALE, data, execution=Execution(resolution=0.25)), cropped(world))
 
 
 def sonar_that_looks_out(rng: np.random.Generator) -> Problem:
     world, place = world_round_the_room(rng)
     data = draw_data(world, RING, ring_all_round(place, N_CONES, VIEW, rng), rng)
-    return Problem(Settings(ROOM, SCALE, sonar=data, resolution=0.25), cropped(world))
+    return Problem(Target(ROOM, SCALE, sonar=data, execution=Execution(resolution=0.25)), cropped(world))
 
 
 LOOKING_OUT = {"laser": laser_that_looks_out, "sonar": sonar_that_looks_out}

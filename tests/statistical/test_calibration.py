@@ -11,12 +11,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-import prf.sampler.tiles.partition as schedule
+import prf.sampler.tiles.rounds as schedule
 from prf.model.arak import exact_draws
 from prf.model.coloring import Coloring, Draws, black_areas, black_at, black_at_draws
-from prf.model.points import log_density
 from prf.model.window import Window
-from prf.sampler.posterior import PointData, Settings, SonarData
+from prf.sampler.target import Execution, PointData, SonarData, Target
 from tests.reference.beams import Sensor
 from tests.reference.slow_points import Flips, Normal, lattice, observe
 from tests.reference.slow_sonar import Ring
@@ -41,7 +40,7 @@ STAGES: Stages = ((800_000, 1.05), (1_600_000, 1.05), (3_200_000, 1.2), (6_400_0
 SONAR_STAGES: Stages = ((300_000, 1.1), (600_000, 1.1), (1_200_000, 1.2), (2_400_000, 1.2), (4_800_000, 1.2))
 """Sonar leaves more open, so chains agree sooner."""
 Places = NDArray[np.float64]
-Problem = tuple[Settings, Coloring, int, Places]
+Problem = tuple[Target, Coloring, int, Places]
 """A posterior, the map from which its readings were drawn, the seed of the chains, and random points."""
 
 
@@ -49,21 +48,26 @@ def laser_problem(number: int, scale: float = SCALE, tiles: int = 0) -> Problem:
     """`scale` is right by default."""
     world = draw_world(SCALE, ROOM, SENSOR, N_SENSORS, N_BEAMS, np.random.default_rng([SEED, number]))
     points = np.random.default_rng([SEED, number, 1]).uniform(ROOM[:2], ROOM[2:], (N_PROBES, 2))
-    return Settings(ROOM, scale, world.data, resolution=0.5, tiles=tiles), world.coloring, SEED + number, points
+    return (
+        Target(ROOM, scale, world.data, execution=Execution(resolution=0.5, tiles=tiles)),
+        world.coloring,
+        SEED + number,
+        points,
+    )
 
 
 def sonar_problem(number: int, change: Callable[[SonarData], SonarData] = lambda data: data) -> Problem:
     """`change` makes the readings that the sampler is given wrong."""
     rng = np.random.default_rng([SONAR_SEED, number])
     world = draw_sonar_world(SCALE, ROOM, RING, N_SENSORS, N_CONES, VIEW, rng)
-    settings = Settings(ROOM, SCALE, resolution=0.5, sonar=change(world.data))
-    return settings, world.coloring, SONAR_SEED + number, rng.uniform(ROOM[:2], ROOM[2:], (N_PROBES, 2))
+    target = Target(ROOM, SCALE, sonar=change(world.data), execution=Execution(resolution=0.5))
+    return target, world.coloring, SONAR_SEED + number, rng.uniform(ROOM[:2], ROOM[2:], (N_PROBES, 2))
 
 
 def sampled(problem: Problem, stages: Stages, rungs: int = 1) -> tuple[World, Draws]:
     """Sample the posterior of one world, and ask for the colours of its points."""
-    settings, truth, seed, points = problem
-    draws, rhat = in_stages(settings, seed, stages, rungs)
+    target, truth, seed, points = problem
+    draws, rhat = in_stages(target, seed, stages, rungs)
     colours = black_at_draws(draws, points).mean(axis=0), black_at(truth, points)
     return World(np.empty(0, np.int64), rhat < 1.2, 0, *colours), draws
 
@@ -173,8 +177,8 @@ CASES = {"gaussian, scattered": Case(Normal(sigma=0.8), False), "binary, lattice
 
 def point_values(draws: Draws, data: PointData) -> NDArray[np.float64]:
     """Numbers of each map, (n_draws, len(POINT_NAMES))."""
-    density = log_density(data.model, data.table.value)
-    told = np.where(black_at_draws(draws, data.table.xy), density[:, 1], density[:, 0]).sum(axis=1)
+    density = data.model.log_density(data.readings.value)
+    told = np.where(black_at_draws(draws, data.readings.xy), density[:, 1], density[:, 0]).sum(axis=1)
     return np.column_stack([draws.n_edges, draws.total_length(), black_areas(draws), told])
 
 
@@ -189,9 +193,11 @@ def point_world(case: Case, sharper: float, number: int) -> World:
         sigma=None if data.model.sigma is None else data.model.sigma / sharper,
         flip_probability=data.model.flip_probability / sharper,
     )
-    settings = Settings(POINT_ROOM, POINT_SCALE, points=dataclasses.replace(data, model=model), resolution=0.25)
+    target = Target(
+        POINT_ROOM, POINT_SCALE, points=dataclasses.replace(data, model=model), execution=Execution(resolution=0.25)
+    )
     probes = rng.uniform(POINT_ROOM[:2], POINT_ROOM[2:], (N_PROBES, 2))
-    world, draws = sampled((settings, truth, POINT_SEED + number, probes), POINT_STAGES)
+    world, draws = sampled((target, truth, POINT_SEED + number, probes), POINT_STAGES)
     kept = Draws.from_colorings([draws[int(k)] for k in np.linspace(0, len(draws) - 1, N_POINT_DRAWS).astype(int)])
     own = point_values(Draws.from_colorings([truth]), data)[0]
     return world._replace(ranks=rank_of(own, point_values(kept, data), rng))

@@ -15,7 +15,7 @@ import shapely
 
 import prf.sampler.tiles.part as part
 from prf.model.coloring import Draws
-from prf.sampler.posterior import Settings
+from prf.sampler.target import Target
 from tests.reference.free_way import obstacles, pieces
 from tests.statistical import driven, tiled
 from tests.statistical.means import Floats, batch_mean, largest, z_scores
@@ -65,18 +65,18 @@ def test_without_guards_they_are_not(cost: float) -> None:
 
 def tiled_chains(n_draws: int, cost: float = np.inf) -> list[Draws]:
     with ThreadPoolExecutor(2) as pool:
-        return list(pool.map(lambda k: tiled.tiled_draws(driven.SETTINGS, n_draws, SEED + k, cost), range(2)))
+        return list(pool.map(lambda k: tiled.tiled_draws(driven.TARGET, n_draws, SEED + k, cost), range(2)))
 
 
 def test_tiles_leave_the_way_free() -> None:
     for draws in tiled_chains(30):
-        assert (obstacles(driven.SETTINGS, draws) == 0).all()
+        assert (obstacles(driven.TARGET, draws) == 0).all()
 
 
 @pytest.mark.slow
 def test_tiles_that_know_nothing_of_it_do_not(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(part, "ways_near", lambda ways, tile: np.zeros(len(ways), np.bool_))
-    assert sum((obstacles(driven.SETTINGS, draws) > 0).sum() for draws in tiled_chains(200)) > 3
+    assert sum((obstacles(driven.TARGET, draws) > 0).sum() for draws in tiled_chains(200)) > 3
 
 
 @pytest.mark.slow
@@ -87,21 +87,21 @@ def test_many_maps_of_tiles_are_those_of_the_prior_whose_way_is_free(cost: float
     assert largest(z)[1] < 4.0, z
 
 
-def clearance(settings: Settings, draws: Draws) -> Floats:
+def clearance(target: Target, draws: Draws) -> Floats:
     """Metres from the way to the nearest edge (n_draws,); 10 m without one."""
     edges = (shapely.linestrings(draw.segments().reshape(-1, 2, 2)) for draw in draws)
-    return np.array([shapely.distance(lines[:, None], pieces(settings)).min(initial=10.0) for lines in edges])
+    return np.array([shapely.distance(lines[:, None], pieces(target)).min(initial=10.0) for lines in edges])
 
 
-def values_and_clearance(settings: Settings, draws: Draws) -> Floats:
-    return np.column_stack([values(settings, draws), clearance(settings, draws)])
+def values_and_clearance(target: Target, draws: Draws) -> Floats:
+    return np.column_stack([values(target, draws), clearance(target, draws)])
 
 
 def verdicts(way: np.ndarray | None = None) -> dict[str, Verdict]:
     """How uniform the ranks of the truth are, if the sampler is given this way in place of the right one."""
 
-    def spoil(settings: Settings) -> Settings:
-        return settings if way is None else dataclasses.replace(settings, way=way)
+    def spoil(target: Target) -> Target:
+        return target if way is None else dataclasses.replace(target, way=way)
 
     arm = Arm("driven", driven_problem, plain, spoil, (*NAMES, "clearance"), values_and_clearance)
     return run_arm(arm, N_WORLDS, SEED, 1).verdicts()

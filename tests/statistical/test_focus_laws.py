@@ -16,10 +16,11 @@ from prf.model.coloring import Coloring, Draws, black_at
 from prf.model.layout import make_graph, make_targets, read_coloring
 from prf.model.sensors import LaserModel
 from prf.model.window import Window
-from prf.sampler import targets as focusing
-from prf.sampler.chain_map import with_graph
-from prf.sampler.posterior import LaserData, Settings, make_chain
-from prf.sampler.targets import Focus
+from prf.sampler import schedules as focusing
+from prf.sampler.schedules import Regions
+from prf.sampler.state import make_chain, with_graph
+from prf.sampler.target import Execution, Target, Tuning, laser_data
+from tests.driving import run_to
 from tests.statistical.laws import LawScores, law_scores
 from tests.statistical.means import Mean, batch_mean, largest, weighted_mean, z_scores
 
@@ -58,18 +59,18 @@ def look_at_black(chain: Chain) -> None:
     chain.targets.cumulative[:] = np.cumsum(weight) / weight.sum()
 
 
-def focused_draws(settings: Settings, n_draws: int, seed: int, hook: Hook = look_away) -> Draws:
+def focused_draws(target: Target, n_draws: int, seed: int, hook: Hook = look_away) -> Draws:
     """Every eighth turn's map of a chain that makes three turns of four in regions."""
     rng = np.random.default_rng(seed)
-    chain = make_chain(settings, Coloring.empty(UNIT))
+    chain = make_chain(target, Coloring.empty(UNIT))
     chain = chain._replace(targets=make_targets(UNIT, SIDE, np.random.default_rng(SEED).random((60, 2))))
     chain.tuning[c.AIMED_SHARE] = 0.6
-    focus, maps = Focus(chain), []
-    focus.half = HALF
+    regions, maps = Regions(chain), []
+    regions.half = HALF
     for number in range(n_draws + 20):
         for turn in range(8):
             hook(chain)
-            chain = focus.run_to(chain, rng, number * THIN + (turn + 1) * TURN)
+            chain = run_to(regions, chain, rng, number * THIN + (turn + 1) * TURN)
         recompute_sums(chain)
         if number >= 20:
             maps.append(read_coloring(chain.graph))
@@ -77,9 +78,9 @@ def focused_draws(settings: Settings, n_draws: int, seed: int, hook: Hook = look
 
 
 def prior_scores(n_draws: int, batch: int, hook: Hook = look_away) -> LawScores:
-    settings = Settings(UNIT, 1.0, cell=0.2, cut_reach=0.05, join_reach=0.1)
+    target = Target(UNIT, 1.0, tuning=Tuning(cut_reach=0.05, join_reach=0.1), execution=Execution(cell=0.2))
     with ThreadPoolExecutor(2) as pool:
-        chains = list(pool.map(lambda k: focused_draws(settings, n_draws, SEED + k, hook), range(2)))
+        chains = list(pool.map(lambda k: focused_draws(target, n_draws, SEED + k, hook), range(2)))
     ids = np.repeat(np.arange(2), n_draws)
     return law_scores(
         Draws.from_colorings([draw for chain in chains for draw in chain]), 1.0, UNIT, chain_ids=ids, batch=batch
@@ -104,7 +105,9 @@ def test_regions_that_look_at_the_map_are_caught() -> None:
 ANGLE = np.linspace(-2.9, 3.0, 12)
 READINGS = np.array([0.2, 0.3, np.inf, 0.25, 0.4, 0.3, np.inf, 0.35, 0.2, np.inf, 0.45, 0.3])
 BLUNT = LaserModel(0.5, 0.04, outlier_probability=0.5, miss_probability=0.3)
-SETTINGS = Settings(UNIT, 1.0, LaserData.from_arrays(np.tile([0.53, 0.47], (12, 1)), ANGLE, READINGS, BLUNT), cell=0.2)
+TARGET = Target(
+    UNIT, 1.0, laser_data(np.tile([0.53, 0.47], (12, 1)), ANGLE, READINGS, BLUNT), execution=Execution(cell=0.2)
+)
 """A laser that says what it says so bluntly that draws of the prior may be weighted."""
 NAMES = ("edges", "length", "corners in the middle", "log likelihood", *(f"black {k}" for k in range(6)))
 PLACES = np.random.default_rng(SEED).random((6, 2))
@@ -112,11 +115,11 @@ PLACES = np.random.default_rng(SEED).random((6, 2))
 
 def compared(draws: Draws) -> np.ndarray:
     """Values (n_draws, len(NAMES)) from the maps alone."""
-    chain = make_chain(SETTINGS, Coloring.empty(UNIT))
+    chain = make_chain(TARGET, Coloring.empty(UNIT))
     rows = []
     for draw in draws:
         graph = make_graph(draw, 2 * draw.n_vertices + 64)
-        likelihood = with_graph(chain, SETTINGS, graph).graph.sums[c.LOG_LIKELIHOOD]
+        likelihood = with_graph(chain, TARGET, graph).graph.sums[c.LOG_LIKELIHOOD]
         middle = (np.abs(draw.xy - 0.5) < 0.2).all(axis=1).sum()
         rows.append([draw.n_edges, draw.total_length(), middle, likelihood, *black_at(draw, PLACES)])
     return np.array(rows, np.float64)
@@ -125,14 +128,14 @@ def compared(draws: Draws) -> np.ndarray:
 def weighted_means(n: int) -> Mean:
     """Of draws of the prior in which the sensor is free, weighted by their likelihood."""
     draws = exact_draws(1.0, UNIT, n, np.random.default_rng(SEED))
-    free = np.flatnonzero([not black_at(draw, SETTINGS.laser.readings.origin[:1])[0] for draw in draws])  # type: ignore[union-attr]
+    free = np.flatnonzero([not black_at(draw, TARGET.laser.readings.origin[:1])[0] for draw in draws])  # type: ignore[union-attr]
     found = compared(Draws.from_colorings([draws[int(k)] for k in free]))
     return weighted_mean(found, found[:, 3])
 
 
 def posterior_scores(n_draws: int, n_exact: int, hook: Hook = look_away) -> dict[str, float]:
     with ThreadPoolExecutor(2) as pool:
-        chains = list(pool.map(lambda k: focused_draws(SETTINGS, n_draws, SEED + k, hook), range(2)))
+        chains = list(pool.map(lambda k: focused_draws(TARGET, n_draws, SEED + k, hook), range(2)))
     found = batch_mean([compared(draws) for draws in chains], 30)
     return dict(zip(NAMES, z_scores(found, weighted_means(n_exact)).tolist(), strict=True))
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 from pathlib import Path
 
@@ -10,8 +9,8 @@ import numpy as np
 import pytest
 
 from prf.model.coloring import Coloring
-from prf.model.layout import read_coloring, run_chain
-from prf.sampler.posterior import make_chain
+from prf.model.layout import read_coloring
+from prf.sampler.state import make_chain, run_chain
 from tests.reference.free_way import is_free
 from tests.statistical import ways
 from tests.statistical.__main__ import main
@@ -64,22 +63,22 @@ def test_a_control_that_passes_fails() -> None:
 def test_worlds_have_their_sensors_in_white(kind: str) -> None:
     for number in range(5):
         problem = PROBLEMS[kind](np.random.default_rng([SEED, number]))
-        assert is_free(problem.settings, problem.truth)
+        assert is_free(problem.target, problem.truth)
 
 
 def test_slow_oracles_and_kernels_agree_on_a_map() -> None:
     station, rng = small_station(), np.random.default_rng(SEED)
-    settings = station.read(station.draw_map(rng), rng)
+    target = station.read(station.draw_map(rng), rng)
     for _ in range(10):
         draw = station.draw_map(rng)
-        slow = station.log_likelihood(settings, draw)
-        assert make_chain(settings, draw).graph.sums[2] == pytest.approx(slow, abs=1e-6)
+        slow = station.log_likelihood(target, draw)
+        assert make_chain(target, draw).graph.sums[2] == pytest.approx(slow, abs=1e-6)
 
 
 def test_bounds_change_no_step() -> None:
     """With the same random numbers a chain that asks all readings goes the way of one that rejects early."""
-    settings = dataclasses.replace(laser_problem(np.random.default_rng(SEED)).settings, levels=1, resolution=None)
-    chains = [make_chain(settings, Coloring.empty(settings.window)) for _ in range(2)]
+    target = laser_problem(np.random.default_rng(SEED)).target.with_execution(levels=1, resolution=None)
+    chains = [make_chain(target, Coloring.empty(target.window)) for _ in range(2)]
     chains[1] = unbounded(chains[1])
     generators = [np.random.default_rng(SEED) for _ in range(2)]
     for until in range(2000, 20_001, 2000):
@@ -104,9 +103,9 @@ def test_chains_that_are_stopped_too_early_leave_the_band() -> None:
 def test_every_way_returns_as_many_draws_with_sensors_in_white(way: str, few_steps: None) -> None:
     rng = np.random.default_rng(SEED)
     problem = laser_problem(rng)
-    answer = WAYS[way](problem.settings, rng, 2)
+    answer = WAYS[way](problem.target, rng, 2)
     assert len(answer.draws) == N_DRAWS
-    assert all(is_free(problem.settings, draw) for draw in answer.draws)
+    assert all(is_free(problem.target, draw) for draw in answer.draws)
 
 
 def test_the_command_writes_its_plots_and_figures(tmp_path: Path, few_steps: None) -> None:
@@ -142,7 +141,7 @@ def test_a_joint_law_with_another_prior_is_caught() -> None:
 @pytest.mark.slow
 def test_two_samplers_agree_on_an_image() -> None:
     station, rng = small_station(0.25), np.random.default_rng(SEED)
-    settings = station.read(station.draw_map(rng), rng)
-    loops = by_loops(station, settings, 4, 6000, SEED)
-    found = compare(loops, by_sampler(settings, None, 4, 640_000, SEED, 2))
+    target = station.read(station.draw_map(rng), rng)
+    loops = by_loops(station, target, 4, 6000, SEED)
+    found = compare(loops, by_sampler(target, None, 4, 640_000, SEED, 2))
     assert np.abs(found.z).max() < 4.5, found.z

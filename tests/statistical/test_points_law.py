@@ -13,10 +13,10 @@ import pytest
 
 from prf.model.arak import exact_draws
 from prf.model.coloring import Draws, black_at_draws
-from prf.model.layout import read_coloring, run_chain
-from prf.model.points import log_density
+from prf.model.layout import read_coloring
 from prf.model.window import Window
-from prf.sampler.posterior import PointData, Settings, make_chain, one_colour_map
+from prf.sampler.state import make_chain, run_chain
+from prf.sampler.target import PointData, Target, one_colour_map, point_data
 from tests.reference.slow_points import Flips, Normal
 from tests.statistical.means import Floats, Mean, batch_mean, weighted_mean, z_scores
 
@@ -46,15 +46,15 @@ def observations(case: Case) -> PointData:
     """Values that disagree, more of them black: every map stays possible."""
     rng = np.random.default_rng([SEED, case.n_points])
     black = np.arange(case.n_points) % 3 != 0
-    return PointData.from_arrays(rng.uniform(0.0, 1.0, (case.n_points, 2)), case.law.draw(black, rng), case.law.model)
+    return point_data(rng.uniform(0.0, 1.0, (case.n_points, 2)), case.law.draw(black, rng), case.law.model)
 
 
 def functionals(draws: Draws, data: PointData) -> tuple[Floats, Floats]:
     """What is compared, (n, n_functionals), and the log likelihood of each draw (n,)."""
     probes = np.random.default_rng([SEED, 1]).uniform(0.0, 1.0, (3, 2))
-    black = black_at_draws(draws, np.concatenate([data.table.xy, probes]))
-    density = log_density(data.model, data.table.value)
-    log_likelihood = np.where(black[:, : len(data.table.xy)], density[:, 1], density[:, 0]).sum(axis=1)
+    black = black_at_draws(draws, np.concatenate([data.readings.xy, probes]))
+    density = data.model.log_density(data.readings.value)
+    log_likelihood = np.where(black[:, : len(data.readings.xy)], density[:, 1], density[:, 0]).sum(axis=1)
     edges, anchor = draws.n_edges, draws.anchor_black
     walls = [edges, draws.total_length(), (edges == 0) & anchor, (edges == 0) & ~anchor]
     return np.column_stack([black, *walls, log_likelihood]).astype(float), log_likelihood
@@ -75,9 +75,9 @@ def compared(name: str, repeat: int, steps: int) -> Floats:
     """z-scores of the chain's means; `repeat` is how often each point is counted, 1 being right."""
     case = CASES[name]
     data = observations(case)
-    told = PointData.from_arrays(np.tile(data.table.xy, (repeat, 1)), np.tile(data.table.value, repeat), data.model)
-    settings = Settings(UNIT, case.scale, points=told)
-    chain, rng = make_chain(settings, one_colour_map(settings)), np.random.default_rng([SEED, 3])
+    told = point_data(np.tile(data.readings.xy, (repeat, 1)), np.tile(data.readings.value, repeat), data.model)
+    target = Target(UNIT, case.scale, points=told)
+    chain, rng = make_chain(target, one_colour_map(target)), np.random.default_rng([SEED, 3])
     maps = []
     for until in range(BURN_IN, steps + 1, THIN):
         chain = run_chain(chain, rng, until)

@@ -17,8 +17,9 @@ from prf.kernels import constants as c
 from prf.model.coloring import Draws, black_areas, black_at_draws
 from prf.model.window import Window
 from prf.poses.plane import wrapped
-from prf.sampler import Sampler, poses
-from prf.sampler.posterior import Settings
+from prf.sampler import Ensemble, poses
+from prf.sampler.target import Target
+from tests.driving import advance, find_starts
 from tests.reference.beams import Sensor
 from tests.reference.pose_worlds import BOTH, DRIVEN, PoseWorld, Rig, begin, draw_pose_world
 from tests.statistical.ranks import rank_of
@@ -55,11 +56,11 @@ def rank_world(rig: Rig, noise: float, number: int) -> tuple[tuple[str, ...], Wo
     rng = np.random.default_rng([SEED, rig.n_cones, rig.odometry is None, number])
     world = draw_pose_world(rig, rng)
     true_chain, _ = begin(world)
-    with Sampler(as_given(world, noise), rng.spawn(N_CHAINS), 1) as sampler:
-        sampler.find_starts(lambda: False)
-        while sampler.step < STEPS:
-            sampler.advance()
-        sample, trajectory, found = sampler.sample(), sampler.trajectory(), sampler.diagnose()
+    sampler = Ensemble(as_given(world, noise), rng.spawn(N_CHAINS))
+    find_starts(sampler)
+    while sampler.step < STEPS:
+        advance(sampler)
+    sample, trajectory, found = sampler.sample(), sampler.trajectory(), sampler.diagnose()
     assert trajectory is not None
     rows = np.linspace(0, len(sample.draws) - 1, N_DRAWS).astype(int)
     draws = Draws.from_colorings([sample.draws[int(i)] for i in rows])
@@ -73,14 +74,14 @@ def rank_world(rig: Rig, noise: float, number: int) -> tuple[tuple[str, ...], Wo
     return tuple(truth), World(ranks, rhat < MOST_RHAT)
 
 
-def as_given(world: PoseWorld, noise: float) -> Settings:
+def as_given(world: PoseWorld, noise: float) -> Target:
     """The posterior as a log has it whose poses err: readings and chains at the given poses."""
-    settings, prior = world.settings, world.model.prior
+    target, prior = world.target, world.model.prior
     model = dataclasses.replace(world.model, start=prior.given, prior=prior._replace(noise=noise * prior.noise))
-    readings = [None if part is None else part.readings for part in (settings.laser, settings.sonar)]
-    parts = zip((settings.laser, settings.sonar), model.placed(*readings, prior.given), strict=True)
+    readings = [None if part is None else part.readings for part in (target.laser, target.sonar)]
+    parts = zip((target.laser, target.sonar), model.placed(*readings, prior.given), strict=True)
     laser, sonar = (None if part is None else dataclasses.replace(part, readings=there) for part, there in parts)
-    return dataclasses.replace(settings, laser=laser, sonar=sonar, poses=model, resolution=0.5)
+    return dataclasses.replace(target, laser=laser, sonar=sonar, poses=model).with_execution(resolution=0.5)
 
 
 def rank_worlds(rig: Rig, n_worlds: int, noise: float = 1.0) -> Calibration:

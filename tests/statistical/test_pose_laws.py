@@ -14,7 +14,7 @@ from prf.kernels.poses.state import BEND, MATCH, SHIFT, WALK, WARP
 from prf.model.coloring import Coloring, black_at
 from prf.poses.model import PosePrior
 from prf.poses.plane import compose, seen_from, wrapped
-from prf.sampler.posterior import LaserData
+from prf.sampler.target import LaserData
 from tests.reference.beams import Sensor
 from tests.reference.pose_worlds import BARE, BOTH, DRIVEN, LASER, ROOM, PoseWorld, Rig, begin, draw_pose_world
 from tests.statistical import mutants, pose_doors
@@ -36,7 +36,7 @@ LIMIT = 5.0
 
 def log_likelihood(world: PoseWorld, poses: Floats) -> Floats:
     """Log density of the readings at poses (k, n, 3), as the laser is written down; -inf where a sensor is in black."""
-    model, laser = world.model, world.settings.laser
+    model, laser = world.model, world.target.laser
     assert isinstance(laser, LaserData)
     assert model.laser is not None
     total = np.zeros(len(poses))

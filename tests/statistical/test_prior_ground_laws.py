@@ -15,13 +15,13 @@ from prf.kernels import constants as c
 from prf.kernels.state.build import recompute_sums
 from prf.model.arak import exact_draws
 from prf.model.coloring import Coloring, Draws, black_at_draws
-from prf.model.layout import make_graph, read_coloring, run_chain
+from prf.model.layout import make_graph, read_coloring
 from prf.model.sensors import LaserModel
 from prf.model.window import INTERIOR, Window
-from prf.sampler.chain import ChainSampler
-from prf.sampler.chain_map import with_graph
-from prf.sampler.posterior import LaserData, Settings, make_chain
+from prf.sampler.chain import ChainRun
 from prf.sampler.prior_ground import PriorGround, edge_density
+from prf.sampler.state import make_chain, run_chain, with_graph
+from prf.sampler.target import Target, laser_data
 from tests.reference.free_way import is_free
 from tests.statistical.driven import NAMES, ROOM, values
 from tests.statistical.means import Mean, batch_mean, largest, weighted_mean, z_scores
@@ -30,17 +30,17 @@ SEED = 20050726
 ANGLE = np.array([-2.8, -0.9, 0.2, 1.4])
 READINGS = np.array([1.2, 0.8, 1.6, np.inf])
 """A wall may stand where three beams of four ended; they say so bluntly, that draws of the prior may be weighted."""
-LASER = LaserData.from_arrays(
+LASER = laser_data(
     np.tile([3.0, 3.2], (4, 1)), ANGLE, READINGS, LaserModel(2.0, 0.08, outlier_probability=0.4, miss_probability=0.4)
 )
-SETTINGS = Settings(ROOM, 0.25, LASER, way=np.array([[4.2, 0.5, 5.2, 0.4]]), driven_radius=0.2)
+TARGET = Target(ROOM, 0.25, LASER, way=np.array([[4.2, 0.5, 5.2, 0.4]]), driven_radius=0.2)
 
 
 def log_likelihoods(draws: Draws) -> np.ndarray:
     """From the maps alone (n_draws,)."""
-    chain = make_chain(SETTINGS, Coloring.empty(ROOM))
+    chain = make_chain(TARGET, Coloring.empty(ROOM))
     graphs = (make_graph(draw, 2 * draw.n_vertices + 64) for draw in draws)
-    return np.array([with_graph(chain, SETTINGS, graph).graph.sums[c.LOG_LIKELIHOOD] for graph in graphs])
+    return np.array([with_graph(chain, TARGET, graph).graph.sums[c.LOG_LIKELIHOOD] for graph in graphs])
 
 
 def compared(draws: Draws) -> np.ndarray:
@@ -49,15 +49,15 @@ def compared(draws: Draws) -> np.ndarray:
 
 def weighted_means(n: int) -> Mean:
     """Of draws of the prior in which sensor and way are free, weighted by their likelihood."""
-    draws = exact_draws(SETTINGS.scale, ROOM, n, np.random.default_rng(SEED))
-    found = compared(Draws.from_colorings([draw for draw in draws if is_free(SETTINGS, draw)]))
+    draws = exact_draws(TARGET.scale, ROOM, n, np.random.default_rng(SEED))
+    found = compared(Draws.from_colorings([draw for draw in draws if is_free(TARGET, draw)]))
     return weighted_mean(found, found[:, -1])
 
 
 def refreshed_draws(n_draws: int, seed: int, is_closed: bool = True) -> Draws:
     """Maps of a chain of blocks of 2000 steps with 2000 proposals between them where no reading concerns."""
-    chain, rng, maps = make_chain(SETTINGS, Coloring.empty(ROOM)), np.random.default_rng(seed), []
-    ground = PriorGround(SETTINGS, chain)
+    chain, rng, maps = make_chain(TARGET, Coloring.empty(ROOM)), np.random.default_rng(seed), []
+    ground = PriorGround(TARGET, chain)
     if not is_closed:
         ground._guards = ground._guards._replace(lists=np.zeros_like(ground._guards.lists))
     for number in range(n_draws + 20):
@@ -97,12 +97,12 @@ def test_steps_on_closed_ground_are_caught() -> None:
 
 
 FAR = Window(10.0, 2.0, 28.0, 28.0)
-WIDE = Settings(Window(0.0, 0.0, 30.0, 30.0), 0.1, LASER)
+WIDE = Target(Window(0.0, 0.0, 30.0, 30.0), 0.1, LASER)
 PLACES = np.random.default_rng(SEED).uniform(FAR[:2], FAR[2:], (40, 2))
 
 
 def first_draw(number: int) -> Coloring:
-    sampler = ChainSampler(WIDE, np.random.default_rng([SEED, number]), np.zeros(0, np.int64))
+    sampler = ChainRun(WIDE, np.random.default_rng([SEED, number]), np.zeros(0, np.int64))
     sampler.find_start(lambda: False)
     return read_coloring(sampler.chain.graph)
 

@@ -17,7 +17,8 @@ from prf.model.coloring import Coloring, Draws, violations
 from prf.model.layout import grow, make_targets
 from prf.model.window import Window
 from prf.sampler import mcmc_draws
-from prf.sampler.posterior import Settings, make_chain
+from prf.sampler.state import make_chain
+from prf.sampler.target import Target, Tuning
 from tests.statistical import mutants
 from tests.statistical.laws import LawScores, law_scores, residuals
 from tests.statistical.means import largest
@@ -171,7 +172,7 @@ def test_long_chains_obey_the_laws(scale: float, window: Window) -> None:
 
 def surplus_of_births(scale: float, window: Window, n_batches: int, length: int, seed: int) -> np.ndarray:
     """Accepted births less accepted deaths (n_batches, n_pairs) in batches of `length` steps, after a burn-in."""
-    chain = make_chain(Settings(window, scale), Coloring.empty(window))
+    chain = make_chain(Target(window, scale), Coloring.empty(window))
     rng = np.random.default_rng(seed)
     accepted = []
     for batch in range(n_batches + 1):
@@ -207,7 +208,7 @@ def test_births_are_as_frequent_as_deaths_in_a_long_run(scale: float, window: Wi
 
 def balance_of_walls(which: str, n_batches: int, length: int, seed: int) -> tuple[float, int]:
     """z-score of what one move does less what the other undoes, each a quarter of all proposals, and their number."""
-    chain = make_chain(Settings(UNIT, 1.0, cut_reach=0.05, join_reach=0.1), Coloring.empty(UNIT))
+    chain = make_chain(Target(UNIT, 1.0, tuning=Tuning(cut_reach=0.05, join_reach=0.1)), Coloring.empty(UNIT))
     points = np.random.default_rng(seed).random((60, 2))
     chain = chain._replace(targets=make_targets(UNIT, 0.05, points))
     chain.tuning[c.AIMED_SHARE] = 0.6

@@ -13,12 +13,13 @@ from prf.kernels.state.chain import Chain
 from prf.model.arak import exact_draws
 from prf.model.coloring import Coloring, black_at
 from prf.model.laser import deal_levels
-from prf.model.layout import read_coloring, run_chain
+from prf.model.layout import read_coloring
 from prf.model.sensors import LaserModel
 from prf.model.window import Window
-from prf.sampler.chain_map import with_map
-from prf.sampler.posterior import LaserData, Settings, make_chain
-from prf.sampler.tempering import LadderPlan, Tempering
+from prf.sampler.state import make_chain, run_chain, with_map
+from prf.sampler.target import Target, laser_data
+from prf.sampler.tempering import Ladder, LadderPlan
+from tests.driving import run_to
 from tests.statistical.means import Floats, Mean, batch_mean, largest, weighted_mean, z_scores
 
 # Temperatures of parallel tempering on readings that say little, against weighted exact draws of the prior.
@@ -40,12 +41,12 @@ BURN_IN = 200
 NAMES = ("edges", "length", "log likelihood", "occupied sensors", "black right", "black left")
 
 
-def blunt_settings() -> Settings:
+def blunt_target() -> Target:
     """Six beams of an unsure laser."""
     angle = np.tile([0.0, 0.5 * np.pi, np.pi], 2)
     readings = np.array([0.9, 1.5, np.inf, 0.6, np.inf, 1.0])
     model = LaserModel(3.0, noise=0.4, outlier_probability=0.4, miss_probability=0.1)
-    return Settings(WINDOW, SCALE, LaserData.from_arrays(np.repeat(SENSORS, 3, axis=0), angle, readings, model))
+    return Target(WINDOW, SCALE, laser_data(np.repeat(SENSORS, 3, axis=0), angle, readings, model))
 
 
 def functionals(chain: Chain, coloring: Coloring) -> list[float]:
@@ -54,12 +55,12 @@ def functionals(chain: Chain, coloring: Coloring) -> list[float]:
     return [coloring.n_edges, coloring.total_length(), log_likelihood, black[:2].sum(), *black[2:]]
 
 
-def exact_values(settings: Settings, n: int, seed: int) -> Floats:
+def exact_values(target: Target, n: int, seed: int) -> Floats:
     """Functionals (n, len(NAMES)) of exact draws of the prior."""
-    chain = make_chain(settings, Coloring.empty(WINDOW))
+    chain = make_chain(target, Coloring.empty(WINDOW))
     rows = []
     for draw in exact_draws(SCALE, WINDOW, n, np.random.default_rng(seed)):
-        chain = with_map(chain, settings, draw)
+        chain = with_map(chain, target, draw)
         rows.append(functionals(chain, draw))
     return np.array(rows)
 
@@ -73,17 +74,17 @@ def exact_means(values: Floats) -> list[Mean]:
     ]
 
 
-class Costless(Tempering):
+class Costless(Ladder):
     """The mistake: swaps forget what occupied sensors cost."""
 
     def log_swap_ratio(self, pair: int, colder: Chain, hotter: Chain) -> float:
         log_ratio = super().log_swap_ratio(pair, colder, hotter)
         counts = [chain.graph.counts[c.OCCUPIED] for chain in (hotter, colder)]
-        powers = self.ladder.powers
+        powers = self.powers
         return log_ratio + float((powers[pair] - powers[pair + 1]) * self.cost * (counts[0] - counts[1]))
 
 
-class Unforbidden(Tempering):
+class Unforbidden(Ladder):
     """The mistake: a map with an occupied sensor may come to the cold chain, at the cost that the others ask."""
 
     def log_swap_ratio(self, pair: int, colder: Chain, hotter: Chain) -> float:
@@ -92,20 +93,20 @@ class Unforbidden(Tempering):
             return log_ratio
         sums = [chain.graph.sums[c.LOG_LIKELIHOOD] for chain in (hotter, colder)]
         cost = self.cost * hotter.graph.counts[c.OCCUPIED]
-        return float((self.ladder.powers[0] - self.ladder.powers[1]) * (sums[0] - cost - sums[1]))
+        return float((self.powers[0] - self.powers[1]) * (sums[0] - cost - sums[1]))
 
 
-def sampled_means(settings: Settings, n_swaps: int, seed: int, kind: type[Tempering] = Tempering) -> list[Mean]:
+def sampled_means(target: Target, n_swaps: int, seed: int, kind: type[Ladder] = Ladder) -> list[Mean]:
     """By temperature, over one run at fixed powers, looked at after every try to swap."""
     rng = np.random.default_rng(seed)
-    cold = make_chain(settings, Coloring.empty(WINDOW))
-    tempering = kind(settings, cold, rng, LadderPlan(len(POWERS), 0.0, COST))
+    cold = make_chain(target, Coloring.empty(WINDOW))
+    tempering = kind(target, cold, rng, LadderPlan(len(POWERS), 0.0, COST))
     tempering.spacing = SPACING
-    tempering.ladder.powers[:] = POWERS
+    tempering.powers[:] = POWERS
     tempering.apply_powers()
     rows = []
     for swap in range(1, n_swaps + 1):
-        cold = tempering.run_to(cold, rng, swap * SPACING)
+        cold = run_to(tempering, cold, rng, swap * SPACING)
         if swap > BURN_IN:
             rows.append([functionals(chain, read_coloring(chain.graph)) for chain in (cold, *tempering.hot)])
     kept = np.array(rows)
@@ -115,10 +116,10 @@ def sampled_means(settings: Settings, n_swaps: int, seed: int, kind: type[Temper
 SEED = 20050726
 
 
-def scores(n_exact: int, n_swaps: int, kind: type[Tempering] = Tempering) -> dict[str, float]:
-    settings = blunt_settings()
+def scores(n_exact: int, n_swaps: int, kind: type[Ladder] = Ladder) -> dict[str, float]:
+    target = blunt_target()
     pairs = zip(
-        sampled_means(settings, n_swaps, SEED, kind), exact_means(exact_values(settings, n_exact, SEED)), strict=True
+        sampled_means(target, n_swaps, SEED, kind), exact_means(exact_values(target, n_exact, SEED)), strict=True
     )
     z = [z_scores(found, exact) for found, exact in pairs]
     return {f"temperature {k}: {name}": float(z[k][i]) for k in range(len(POWERS)) for i, name in enumerate(NAMES)}
@@ -137,7 +138,7 @@ def test_every_chain_of_a_ladder_has_its_law(n_exact: int, n_swaps: int) -> None
     [(Costless, 1), (Unforbidden, 0)],
     ids=["swaps without the cost", "black sensors in the cold"],
 )
-def test_wrong_swaps_are_caught(kind: type[Tempering], temperature: int) -> None:
+def test_wrong_swaps_are_caught(kind: type[Ladder], temperature: int) -> None:
     z = scores(2000, 3000, kind)
     assert z[f"temperature {temperature}: occupied sensors"] > 6.0, z
 
@@ -159,10 +160,10 @@ SPACING, N_SAMPLES, N_EXACT = 100, 60_000, 40_000
 LEVELS = 3
 
 
-def compared(settings: Settings, exact: Floats, seed: int) -> Floats:
+def compared(target: Target, exact: Floats, seed: int) -> Floats:
     """z-scores of one chain; the coldest power is the first one."""
     rng = np.random.default_rng(seed)
-    chain = make_chain(settings, Coloring.empty(WINDOW))
+    chain = make_chain(target, Coloring.empty(WINDOW))
     rows = []
     for step in range(SPACING, (N_SAMPLES + 1) * SPACING, SPACING):
         chain = run_chain(chain, rng, step)
@@ -172,23 +173,23 @@ def compared(settings: Settings, exact: Floats, seed: int) -> Floats:
 
 @pytest.fixture(scope="module")
 def exact() -> Floats:
-    return exact_values(blunt_settings(), N_EXACT, 5)
+    return exact_values(blunt_target(), N_EXACT, 5)
 
 
 @pytest.mark.slow
 def test_levels_keep_the_law(exact: Floats) -> None:
-    settings = dataclasses.replace(blunt_settings(), levels=LEVELS)
-    assert make_chain(settings, Coloring.empty(WINDOW)).beams.first_beam.shape[1] == LEVELS
-    assert np.abs(compared(settings, exact, 6)).max() < 4.0
+    target = blunt_target().with_execution(levels=LEVELS)
+    assert make_chain(target, Coloring.empty(WINDOW)).beams.first_beam.shape[1] == LEVELS
+    assert np.abs(compared(target, exact, 6)).max() < 4.0
 
 
 @pytest.mark.slow
 def test_a_level_that_does_not_decide_is_seen(exact: Floats) -> None:
     """As if the last level let everything pass."""
-    settings = blunt_settings()
-    assert settings.laser is not None
-    asked = deal_levels(len(settings.laser.readings.range), LEVELS) < LEVELS - 1
-    readings = settings.laser.readings.select(asked)
-    deaf = dataclasses.replace(settings, laser=dataclasses.replace(settings.laser, readings=readings))
+    target = blunt_target()
+    assert target.laser is not None
+    asked = deal_levels(len(target.laser.readings.range), LEVELS) < LEVELS - 1
+    readings = target.laser.readings.select(asked)
+    deaf = dataclasses.replace(target, laser=dataclasses.replace(target.laser, readings=readings))
     z = np.delete(compared(deaf, exact, 7), 2)  # its sum of log likelihoods is of fewer beams anyway
     assert np.abs(z).max() > 6.0

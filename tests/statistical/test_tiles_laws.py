@@ -16,7 +16,7 @@ from prf.kernels.state.grid import Grid
 from prf.model.coloring import Coloring, Draws
 from prf.model.layout import read_coloring
 from prf.model.window import Window
-from prf.sampler.posterior import Settings
+from prf.sampler.target import Execution, Target
 from prf.sampler.tiles.rounds import Round, TileData
 from tests.statistical import mutants, tiled
 from tests.statistical.joint import changes, z_of_changes
@@ -90,9 +90,9 @@ def edges_inside(coloring: Coloring, tiles: np.ndarray) -> int:
 
 @pytest.mark.slow
 def test_tiled_chains_obey_the_laws_of_the_prior() -> None:
-    settings = Settings(tiled.ROOM, tiled.SCALE, resolution=0.5)
+    target = Target(tiled.ROOM, tiled.SCALE, execution=Execution(resolution=0.5))
     with ThreadPoolExecutor(2) as pool:
-        chains = list(pool.map(lambda k: tiled.tiled_draws(settings, N_DRAWS, SEED + k), range(2)))
+        chains = list(pool.map(lambda k: tiled.tiled_draws(target, N_DRAWS, SEED + k), range(2)))
     ids = np.repeat(np.arange(2), N_DRAWS)
     scores = law_scores(
         Draws.from_colorings([draw for chain in chains for draw in chain]),

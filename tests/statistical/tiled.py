@@ -21,9 +21,10 @@ from prf.kernels.step import run
 from prf.model.coloring import Coloring, Draws, black_at
 from prf.model.layout import grow, read_coloring
 from prf.model.window import INTERIOR, Window
-from prf.sampler.posterior import LaserData, Settings, make_chain
+from prf.sampler.state import make_chain
+from prf.sampler.target import Target, laser_data
 from prf.sampler.tiles.rounds import Round, TileData, make_round, make_tile_data
-from prf.sampler.tiles.tiled import finish_round, work_tile
+from prf.sampler.tiles.schedule import finish_round, work_tile
 from tests.reference.beams import Sensor, draw_readings
 from tests.reference.slow_points import Flips, observe
 from tests.reference.slow_sonar import Ring
@@ -43,10 +44,10 @@ BURN_IN = 20
 N_BATCHES = 100
 
 
-def tiled_draws(settings: Settings, n_draws: int, seed: int, cost: float = np.inf) -> Draws:
+def tiled_draws(target: Target, n_draws: int, seed: int, cost: float = np.inf) -> Draws:
     """Return the map after every round but the first ones; `cost` is that of an occupied sensor."""
     rng = np.random.default_rng(seed)
-    chain, data = make_chain(settings, Coloring.empty(settings.window)), make_tile_data(settings)
+    chain, data = make_chain(target, Coloring.empty(target.window)), make_tile_data(target)
     chain.density[c.OCCUPIED_COST] = cost
     maps = []
     for number in range(BURN_IN + n_draws):
@@ -58,7 +59,7 @@ def tiled_draws(settings: Settings, n_draws: int, seed: int, cost: float = np.in
         recompute_sums(chain)
         if number >= BURN_IN:
             maps.append(read_coloring(chain.graph))
-    return Draws.from_colorings(maps, settings.window)
+    return Draws.from_colorings(maps, target.window)
 
 
 LARGE = Window(0.0, 0.0, 12.0, 10.0)
@@ -75,21 +76,21 @@ def begin(data: TileData, chain: Chain, rng: np.random.Generator) -> Round:
     return make_round(data, chain, FIVE_TILES, LEAST, ROUND_STEPS, rng)
 
 
-def world(rng: np.random.Generator, with_sonar: bool) -> tuple[Settings, Coloring]:
+def world(rng: np.random.Generator, with_sonar: bool) -> tuple[Target, Coloring]:
     """A laser in a world of the prior, or laser, sonar and points."""
     places = rng.uniform(LARGE[:2], LARGE[2:], (N_SENSORS, 2))
     coloring = draw_white(DENSE, LARGE, places, rng)
     origin, angle = np.repeat(places, N_BEAMS, axis=0), rng.uniform(-np.pi, np.pi, N_SENSORS * N_BEAMS)
-    unread = LaserData.from_arrays(origin, angle, np.full(len(angle), np.inf), model_of(SENSOR))
+    unread = laser_data(origin, angle, np.full(len(angle), np.inf), model_of(SENSOR))
     # Where beams end: held against shapely elsewhere, and a hundred times quicker.
-    distance = make_chain(Settings(LARGE, DENSE, unread), coloring).beams.ray[:, c.DISTANCE]
+    distance = make_chain(Target(LARGE, DENSE, unread), coloring).beams.ray[:, c.DISTANCE]
     read = dataclasses.replace(unread.readings, range=draw_readings(SENSOR, distance, rng))
     laser = dataclasses.replace(unread, readings=read)
     if not with_sonar:
-        return Settings(LARGE, DENSE, laser), coloring
+        return Target(LARGE, DENSE, laser), coloring
     sonar = draw_data(coloring, Ring(max=2.0), ring_all_round(places, 8, 0.4, rng), rng)
     points = observe(coloring, Flips(), rng.uniform(LARGE[:2], LARGE[2:], (20, 2)), rng)
-    return Settings(LARGE, DENSE, laser, sonar=sonar, points=points), coloring
+    return Target(LARGE, DENSE, laser, sonar=sonar, points=points), coloring
 
 
 def values(chain: Chain, coloring: Coloring) -> NDArray[np.float64]:
@@ -109,8 +110,8 @@ def values(chain: Chain, coloring: Coloring) -> NDArray[np.float64]:
 
 def round_change(rng: np.random.Generator, with_sonar: bool = False, start: Begin = begin) -> NDArray[np.float64]:
     """Change of every value by a round."""
-    settings, coloring = world(rng, with_sonar)
-    data, chain = make_tile_data(settings), make_chain(settings, coloring)
+    target, coloring = world(rng, with_sonar)
+    data, chain = make_tile_data(target), make_chain(target, coloring)
     before = values(chain, coloring)
     begun = start(data, chain, rng)
     chain = finish_round(data, chain, begun, [work_tile(data, begun, k) for k in range(len(begun.tiles))])
@@ -119,7 +120,7 @@ def round_change(rng: np.random.Generator, with_sonar: bool = False, start: Begi
 
 if __name__ == "__main__":
     n_draws, seed = int(sys.argv[1]), int(sys.argv[2])
-    draws = tiled_draws(Settings(ROOM, SCALE), n_draws, seed)
+    draws = tiled_draws(Target(ROOM, SCALE), n_draws, seed)
     scores = law_scores(draws, SCALE, ROOM, batch=n_draws // N_BATCHES)
     found = {"package": prf.__file__, "z": scores.z, "relative_error_edges": scores.relative_error_edges}
     print(json.dumps(found))

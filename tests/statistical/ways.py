@@ -6,7 +6,6 @@ How long a way goes on is decided by its chains alone, never by the truth: chain
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable
 from typing import NamedTuple
 from unittest import mock
@@ -17,15 +16,15 @@ from numpy.typing import NDArray
 from prf.kernels.state.chain import Chain
 from prf.model.arak import exact_draws
 from prf.model.coloring import Coloring, Draws
-from prf.model.layout import read_coloring, run_chain
+from prf.model.layout import read_coloring
 from prf.results.convergence import diagnose
-from prf.sampler import Sampler
-from prf.sampler.chain_map import with_map
-from prf.sampler.posterior import Settings, make_chain
+from prf.sampler import Ensemble
+from prf.sampler.state import make_chain, run_chain, with_map
+from prf.sampler.target import Target
 from prf.sampler.tempering import LadderPlan
-from prf.sampler.tiles import partition as schedule
-from prf.sampler.tiles import tiled
+from prf.sampler.tiles import rounds, schedule
 from prf.shell.cli.provenance import spawn_generators
+from tests.driving import advance
 from tests.reference.free_way import is_free
 from tests.statistical.problems import NAMES, from_map
 
@@ -68,15 +67,15 @@ class Answer(NamedTuple):
     agreed: bool
 
 
-Way = Callable[[Settings, np.random.Generator, int], Answer]
+Way = Callable[[Target, np.random.Generator, int], Answer]
 """Called with the posterior, a generator, and the number of threads."""
 
 
-def prior_start(settings: Settings, rng: np.random.Generator) -> Coloring:
+def prior_start(target: Target, rng: np.random.Generator) -> Coloring:
     """Return a draw of the prior in which every sensor stands in white and the way is free: it knows no more."""
     while True:
-        draw = exact_draws(settings.scale, settings.window, 1, rng)[0]
-        if is_free(settings, draw):
+        draw = exact_draws(target.scale, target.window, 1, rng)[0]
+        if is_free(target, draw):
             return draw
 
 
@@ -85,13 +84,13 @@ def unbounded(chain: Chain) -> Chain:
     return chain._replace(beams=chain.beams._replace(best=np.full_like(chain.beams.best, UNREACHED)))
 
 
-def plain(settings: Settings, rng: np.random.Generator, threads: int) -> Answer:
+def plain(target: Target, rng: np.random.Generator, threads: int) -> Answer:
     """One step after the other, in one thread, all readings asked; chains start from draws of the prior."""
-    settings = dataclasses.replace(settings, levels=1, resolution=None)
+    target = target.with_execution(levels=1, resolution=None)
     chains = []
     for generator in rng.spawn(N_CHAINS):
-        chain = make_chain(settings, Coloring.empty(settings.window))
-        chains.append((with_map(unbounded(chain), settings, prior_start(settings, generator)), generator))
+        chain = make_chain(target, Coloring.empty(target.window))
+        chains.append((with_map(unbounded(chain), target, prior_start(target, generator)), generator))
     steps = FIRST_STEPS
     while True:
         kept = []
@@ -108,36 +107,36 @@ def plain(settings: Settings, rng: np.random.Generator, threads: int) -> Answer:
         steps *= 2
 
 
-def by_sampler(settings: Settings, rng: np.random.Generator, threads: int, plan: LadderPlan | None) -> Answer:
+def by_sampler(target: Target, rng: np.random.Generator, threads: int, plan: LadderPlan | None) -> Answer:
     """As ``prf sample`` does it, from the white map."""
-    with Sampler(settings, rng.spawn(N_CHAINS), threads, plan=plan) as sampler:
-        goal = FIRST_STEPS
-        while True:
-            while sampler.step < goal:
-                sampler.advance()
-            sample = sampler.sample()
-            kept = [
-                Draws.from_colorings([sample.draws[int(i)] for i in np.flatnonzero(sample.chain == k)])
-                for k in range(N_CHAINS)
-            ]
-            agreed = agree(kept)
-            if agreed or goal >= MOST_STEPS:
-                return Answer(spread(kept), sampler.step, agreed)
-            goal *= 2
+    sampler = Ensemble(target, rng.spawn(N_CHAINS), plan=plan, threads=threads)
+    goal = FIRST_STEPS
+    while True:
+        while sampler.step < goal:
+            advance(sampler, threads)
+        sample = sampler.sample()
+        kept = [
+            Draws.from_colorings([sample.draws[int(i)] for i in np.flatnonzero(sample.chain == k)])
+            for k in range(N_CHAINS)
+        ]
+        agreed = agree(kept)
+        if agreed or goal >= MOST_STEPS:
+            return Answer(spread(kept), sampler.step, agreed)
+        goal *= 2
 
 
-def with_tempering(settings: Settings, rng: np.random.Generator, threads: int) -> Answer:
+def with_tempering(target: Target, rng: np.random.Generator, threads: int) -> Answer:
     """Bounds, levels, hot chains below every chain, chains in threads."""
-    return by_sampler(dataclasses.replace(settings, levels=LEVELS), rng, threads, LADDER)
+    return by_sampler(target.with_execution(levels=LEVELS), rng, threads, LADDER)
 
 
-def with_tiles(settings: Settings, rng: np.random.Generator, threads: int) -> Answer:
+def with_tiles(target: Target, rng: np.random.Generator, threads: int) -> Answer:
     """Bounds, levels, tiles, tiles in threads. Temperatures and tiles cannot be combined."""
     with (
-        mock.patch.object(schedule, "ROUND_LENGTHS", (TILE_ROUND, TILE_ROUND)),
-        mock.patch.object(tiled, "PLAIN_SHARE", PLAIN_SHARE),
+        mock.patch.object(rounds, "ROUND_LENGTHS", (TILE_ROUND, TILE_ROUND)),
+        mock.patch.object(schedule, "PLAIN_SHARE", PLAIN_SHARE),
     ):
-        return by_sampler(dataclasses.replace(settings, levels=LEVELS, tiles=TILES), rng, threads, None)
+        return by_sampler(target.with_execution(levels=LEVELS, tiles=TILES), rng, threads, None)
 
 
 Stages = tuple[tuple[int, float], ...]
@@ -147,16 +146,16 @@ When to stop depends on the chains alone, never on the truth, so it cannot favou
 """
 
 
-def in_stages(settings: Settings, seed: int, stages: Stages, rungs: int = 1) -> tuple[Draws, float]:
+def in_stages(target: Target, seed: int, stages: Stages, rungs: int = 1) -> tuple[Draws, float]:
     """Return the draws of four chains in one thread, and how well the chains agree (R-hat)."""
-    with Sampler(settings, spawn_generators(seed, 4), 1, plan=LadderPlan(rungs)) as sampler:
-        for steps, enough in stages:
-            while sampler.step < steps:
-                sampler.advance()
-            rhat = max((found.rhat for found in sampler.diagnose().values() if found.state != "constant"), default=1.0)
-            if rhat < enough:
-                break
-        return sampler.sample().draws, rhat
+    sampler = Ensemble(target, spawn_generators(seed, 4), plan=LadderPlan(rungs))
+    for steps, enough in stages:
+        while sampler.step < steps:
+            advance(sampler)
+        rhat = max((found.rhat for found in sampler.diagnose().values() if found.state != "constant"), default=1.0)
+        if rhat < enough:
+            break
+    return sampler.sample().draws, rhat
 
 
 WAYS: dict[str, Way] = {"plain": plain, "tempered": with_tempering, "tiles": with_tiles}

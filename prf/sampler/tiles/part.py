@@ -32,7 +32,8 @@ from prf.model.layout import bare_graph, make_guards, make_index, make_proposal,
 from prf.model.sonar import make_cones
 from prf.model.window import Window
 from prf.readings.ground import ways_near
-from prf.sampler.posterior import FIRST_CAPACITY, FIRST_CELL_ROOM, PointData, painted_points
+from prf.sampler.state import FIRST_CAPACITY, FIRST_CELL_ROOM, painted_points
+from prf.sampler.target import PointData
 from prf.sampler.tiles.rounds import Round, TileData, tiles_at
 
 Floats = NDArray[np.float64]
@@ -72,7 +73,7 @@ def make_part(data: TileData, begun: Round, number: int) -> Part:
     is_met = np.zeros(int(is_drawn.sum()), np.uint8)
     mark_met(triangles, segments[is_drawn], is_met)
     is_drawn[np.flatnonzero(is_drawn)[is_met != 0]] = False
-    grid = make_grid(*Window(*tile.tolist()), data.settings.cell_size())
+    grid = make_grid(*Window(*tile.tolist()), data.target.cell_size())
     coloring, vertices, edges = cut_out(begun.coloring, _passes(segments, tile), tile)
     drawn = is_drawn[edges]
     graph = bare_graph(coloring, max(FIRST_CAPACITY, 2 * (len(vertices) + c.MOST_CHANGES)))
@@ -134,7 +135,7 @@ def clip_beams(ray: Floats, influence: Floats, tile: Floats) -> Floats:
 
 def share_cones(data: TileData, tile: Floats) -> tuple[Ints, Floats]:
     """Return the sonar readings whose cones lie in the tile (n,), and triangles (m, 6) round others that meet it."""
-    window = np.array(data.settings.window, np.float64)
+    window = np.array(data.target.window, np.float64)
     corners = data.triangle.reshape(-1, 3, 2)
     low = np.maximum(corners.min(axis=1), window[:2]) if len(corners) else np.zeros((0, 2))
     high = np.minimum(corners.max(axis=1), window[2:]) if len(corners) else np.zeros((0, 2))
@@ -187,8 +188,8 @@ def cut_image(data: TileData, begun: Round, tile: Floats) -> tuple[Image, Ints]:
     else:
         i0, i1 = (round(x) for x in (tile[[0, 2]] - whole.x0) / whole.cell)
         k0, k1 = (round(y) for y in (tile[[1, 3]] - whole.y0) / whole.cell)
-        i1 = whole.nx if tile[2] == data.settings.window.x_max else i1
-        k1 = whole.ny if tile[3] == data.settings.window.y_max else k1
+        i1 = whole.nx if tile[2] == data.target.window.x_max else i1
+        k1 = whole.ny if tile[3] == data.target.window.y_max else k1
     grid = Grid(whole.x0 + i0 * whole.cell, whole.y0 + k0 * whole.cell, whole.cell, i1 - i0, k1 - k0)
     pixels = (np.arange(i0, i1)[None, :] + whole.nx * np.arange(k0, k1)[:, None]).ravel()
     n = len(pixels)
@@ -218,8 +219,8 @@ def _assemble(
     own_cones: Ints,
 ) -> Chain:
     """Return the chain of a tile with its readings sensed."""
-    settings, window = data.settings, Window(*tile.tolist())
-    grid = make_grid(*window, settings.cell_size())
+    target, window = data.target, Window(*tile.tolist())
+    grid = make_grid(*window, target.cell_size())
     capacity = len(graph.edge_length)
     targets = cut_targets(data.targets._replace(cumulative=begun.aim), window)
     tuning = begun.tuning.copy()
@@ -231,7 +232,7 @@ def _assemble(
         edge_index=make_index(graph, grid, FIRST_CELL_ROOM, frozen.astype(np.int32)),
         beams=part_beams(data, grid, beams, capacity),
         cones=make_cones(grid, data.sonar, data.pose[own_cones], capacity),
-        points=part_points(settings.points, begun.coloring, window),
+        points=part_points(target.points, begun.coloring, window),
         sensors=make_sites(grid, sensors, begun.coloring if np.isfinite(begun.density[c.OCCUPIED_COST]) else None),
         targets=targets,
         image=image,
@@ -281,7 +282,7 @@ def part_beams(data: TileData, grid: Grid, shared: Shared, capacity: int) -> Bea
     moved = ray.copy()
     moved[:, : c.ORIGIN_Y + 1] += enter[:, None] * ray[:, c.DIRECTION_X : c.DIRECTION_Y + 1]
     moved[:, c.MAX_DISTANCE] = end - enter
-    beams = make_beams(grid, data.laser, moved, capacity, data.settings.levels)
+    beams = make_beams(grid, data.laser, moved, capacity, data.target.execution.levels)
     ray[:, c.MAX_DISTANCE] = end
     # Exits are distances from the sensor, rounded down as before.
     exits = beams.slot_exit + np.repeat(enter, np.diff(beams.slot_start))
@@ -299,4 +300,4 @@ def part_points(data: PointData | None, coloring: Coloring, window: Window) -> P
     """Return the point observations in a tile, in the colours of the map."""
     if data is None:
         return painted_points(None, coloring)
-    return painted_points(dataclasses.replace(data, table=data.table.inside(window)), coloring)
+    return painted_points(dataclasses.replace(data, readings=data.readings.inside(window)), coloring)

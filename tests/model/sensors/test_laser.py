@@ -18,7 +18,8 @@ from prf.model.coloring import Coloring, black_at
 from prf.model.laser import aims_of, best_log_likelihood, laser_array, make_rays, window_exit
 from prf.model.sensors import LaserModel
 from prf.model.window import INTERIOR, Window
-from prf.sampler.posterior import LaserData, Settings, make_chain
+from prf.sampler.state import make_chain
+from prf.sampler.target import Execution, Target, laser_data
 from prf.shell.errors import ArgumentError
 from tests.kernels.entries import hit_table, log_likelihoods
 from tests.reference.beams import Sensor, exit_by_shapely, impacts, mass_from
@@ -118,7 +119,7 @@ def test_beams_that_end_beyond_the_window_do_not_depend_on_what_is_inside() -> N
         if black_at(coloring, origin[:1])[0]:
             continue
         beyond, silent = (
-            make_chain(Settings(window, 0.3, LaserData.from_arrays(origin, angle, ranges, LaserModel(10.0))), coloring)
+            make_chain(Target(window, 0.3, laser_data(origin, angle, ranges, LaserModel(10.0))), coloring)
             for ranges in (np.full(n, 8.0), np.full(n, np.inf))
         )
         assert beyond.graph.sums[c.LOG_LIKELIHOOD] == silent.graph.sums[c.LOG_LIKELIHOOD]
@@ -128,8 +129,8 @@ def chain_at(
     coloring: Coloring, origin: np.ndarray, angle: np.ndarray, scale: float, max_range: float, cell: float | None = None
 ) -> Chain:
     """Chain with traced beams; the colour of the sensors does not matter here."""
-    data = LaserData.from_arrays(origin, angle, np.full(len(angle), np.inf), LaserModel(max_range))
-    return make_chain(Settings(coloring.window, scale, data, cell=cell), coloring)
+    data = laser_data(origin, angle, np.full(len(angle), np.inf), LaserModel(max_range))
+    return make_chain(Target(coloring.window, scale, data, execution=Execution(cell=cell)), coloring)
 
 
 def aimed_at_vertices(coloring: Coloring, rng: np.random.Generator, n: int) -> tuple[np.ndarray, np.ndarray]:

@@ -23,7 +23,8 @@ from prf.model.sensors import SonarModel
 from prf.model.sonar import make_poses, sonar_array
 from prf.model.window import Window
 from prf.results.score.scene import features_seen, scene_of_coloring
-from prf.sampler.posterior import Settings, SonarData, make_chain
+from prf.sampler.state import make_chain
+from prf.sampler.target import Execution, Target, sonar_data
 from prf.shell.errors import ArgumentError, ConfigError
 from tests.kernels.entries import see_all
 from tests.reference.recompute import differences
@@ -162,14 +163,14 @@ def test_a_sonar_reaches_up_to_where_its_cone_leaves_the_window() -> None:
 def test_what_is_beyond_the_reach_changes_no_likelihood() -> None:
     """A cone that leaves the window on its left, 1.7 m away, and a wall in it at 2.5 m: neither is more likely."""
     window, n = Window(0.0, 0.0, 4.0, 4.0), 20
-    data = SonarData.from_arrays(
+    data = sonar_data(
         np.tile([0.3, 0.5], (n, 1)), np.full(n, 0.5 * np.pi), np.full(n, 0.35), np.full(n, np.inf), SonarModel()
     )
     beyond, before = (
-        make_chain(Settings(window, 0.15, sonar=data), from_polygons(shapely.box(0.1, y, 3.0, y + 0.2), window))
+        make_chain(Target(window, 0.15, sonar=data), from_polygons(shapely.box(0.1, y, 3.0, y + 0.2), window))
         for y in (3.0, 1.5)
     )
-    empty = make_chain(Settings(window, 0.15, sonar=data), Coloring.empty(window))
+    empty = make_chain(Target(window, 0.15, sonar=data), Coloring.empty(window))
     assert beyond.graph.sums[c.LOG_LIKELIHOOD] == empty.graph.sums[c.LOG_LIKELIHOOD]
     assert before.graph.sums[c.LOG_LIKELIHOOD] < empty.graph.sums[c.LOG_LIKELIHOOD] - 20.0
 
@@ -190,7 +191,9 @@ def test_the_index_loses_nothing(window: Window, scale: float, cell: float | Non
         places = rng.uniform(window[:2], window[2:], (12, 2))
         cones = ring_all_round(places[~black_at(coloring, places)], 5, 0.6, rng)
         readings = rng.uniform(0.1, 4.0, len(cones))
-        chain = make_chain(Settings(window, scale, cell=cell, sonar=data_of(Ring(), cones, readings)), coloring)
+        chain = make_chain(
+            Target(window, scale, sonar=data_of(Ring(), cones, readings), execution=Execution(cell=cell)), coloring
+        )
         reach = [reach_in(window, cone, 3.5) for cone in cones]
         wanted = [
             log_likelihood(Ring(), features(coloring, cone, end), r, end)
@@ -216,8 +219,8 @@ def test_slots_hold_every_cell_that_a_cone_enters(
     """Points at random in the cone lie in a slot, and no nearer than it begins."""
     rng = np.random.default_rng(2)
     cones = ring_all_round(rng.uniform(window[:2], window[2:], (n_places, 2)), n_cones, view, rng)
-    settings = Settings(window, 0.3, cell=cell, sonar=data_of(Ring(), cones, np.ones(len(cones))))
-    chain = make_chain(settings, Coloring.empty(window))
+    target = Target(window, 0.3, sonar=data_of(Ring(), cones, np.ones(len(cones))), execution=Execution(cell=cell))
+    chain = make_chain(target, Coloring.empty(window))
     grid, slots = chain.edge_index.grid, chain.cones.slot_start
     for number, cone in enumerate(cones):
         near = {
@@ -251,7 +254,7 @@ def test_every_wall_and_corner_finds_room() -> None:
 
 def test_without_sonar_no_cone_is_touched() -> None:
     """What is accepted is applied to the cones that were touched, also where there are none."""
-    cones = make_chain(Settings(ROOM, 0.3), Coloring.empty(ROOM)).cones
+    cones = make_chain(Target(ROOM, 0.3), Coloring.empty(ROOM)).cones
     assert (len(cones.pose), cones.n_touched[0]) == (0, 0)
 
 
@@ -259,14 +262,14 @@ def test_too_many_slots_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sensor, "MAX_SLOTS", 10)
     data = data_of(Ring(), [Cone(0.0, 0.0, 0.0, 1.0)], np.ones(1))
     with pytest.raises(ConfigError, match="--every-scan"):
-        make_chain(Settings(ROOM, 0.3, sonar=data), Coloring.empty(ROOM))
+        make_chain(Target(ROOM, 0.3, sonar=data), Coloring.empty(ROOM))
 
 
 def test_sensing_anew_changes_nothing() -> None:
     rng = np.random.default_rng(3)
     coloring = exact_draws(0.5, ROOM, 1, rng)[0]
     cones = ring_all_round(rng.uniform(-5, 5, (10, 2)), 8, 0.5, rng)
-    chain = make_chain(Settings(ROOM, 0.5, sonar=data_of(Ring(), cones, rng.uniform(0, 4, len(cones)))), coloring)
+    chain = make_chain(Target(ROOM, 0.5, sonar=data_of(Ring(), cones, rng.uniform(0, 4, len(cones)))), coloring)
     before = chain.cones.pose.copy()
     trace_all(chain)
     assert np.array_equal(before, chain.cones.pose)
@@ -275,6 +278,6 @@ def test_sensing_anew_changes_nothing() -> None:
 
 def test_no_edges() -> None:
     data = data_of(Ring(), [Cone(0.0, 0.0, 0.0, 1.0)] * 2, np.array([1.0, np.inf]))
-    chain = make_chain(Settings(ROOM, 0.3, sonar=data), Coloring.empty(ROOM))
+    chain = make_chain(Target(ROOM, 0.3, sonar=data), Coloring.empty(ROOM))
     assert (chain.cones.pose[:, k.EXTENT] == 3.5).all()
     assert chain.cones.pose[1, k.CONE_LOG_LIKELIHOOD] == pytest.approx(math.log(0.75 + 0.05 * math.exp(-7.0)))

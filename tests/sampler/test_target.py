@@ -21,7 +21,8 @@ from prf.model.arak import exact_draws
 from prf.model.coloring import Coloring
 from prf.model.layout import grow, read_coloring
 from prf.model.window import Window
-from prf.sampler.posterior import MOVE_WEIGHTS, LaserData, PointData, Settings, SonarData, make_chain, one_colour_map
+from prf.sampler.state import MOVE_WEIGHTS, make_chain
+from prf.sampler.target import Execution, LaserData, SonarData, Target, Tuning, laser_data, one_colour_map, point_data
 from tests.reference.arak_laws import log_density
 from tests.reference.beams import Sensor, log_likelihoods_in
 from tests.reference.chain_state import digest, structural_faults
@@ -49,7 +50,7 @@ def short_runs() -> dict[str, dict[str, str]]:
     for name, seed, at_truth in (("from white", 1, False), ("from the truth", 2, True)):
         world = draw_world(0.2, ROOM, NEAR, 2, 12, np.random.default_rng(seed))
         start = world.coloring if at_truth else Coloring.empty(ROOM)
-        chain = make_chain(Settings(ROOM, 0.2, world.data, resolution=1.0, cell=1.0), start)
+        chain = make_chain(Target(ROOM, 0.2, world.data, execution=Execution(resolution=1.0, cell=1.0)), start)
         rng = np.random.default_rng(seed)
         for until in (700, 1400):
             while not run(chain, rng, until):
@@ -60,7 +61,7 @@ def short_runs() -> dict[str, dict[str, str]]:
         rng = np.random.default_rng(4)
         sonar = draw_data(world.coloring, Ring(), ring_all_round(world.data.readings.origin[::12], 8, 0.5, rng), rng)
         start = world.coloring if laser else Coloring.empty(ROOM)
-        chain = make_chain(Settings(ROOM, 0.2, laser, resolution=1.0, cell=1.0, sonar=sonar), start)
+        chain = make_chain(Target(ROOM, 0.2, laser, sonar=sonar, execution=Execution(resolution=1.0, cell=1.0)), start)
         for until in (400, 800):
             while not run(chain, rng, until):
                 chain = grow(chain)
@@ -69,13 +70,13 @@ def short_runs() -> dict[str, dict[str, str]]:
     for name, laser, places in (("points", None, lattice(6, 0.0, 10.0)), ("laser and points", world.data, scattered())):
         rng = np.random.default_rng(5)
         points = observe(world.coloring, Normal(), places, rng)
-        chain = make_chain(Settings(ROOM, 0.2, laser, cell=1.0, points=points), Coloring.empty(ROOM))
+        chain = make_chain(Target(ROOM, 0.2, laser, points=points, execution=Execution(cell=1.0)), Coloring.empty(ROOM))
         for until in (700, 1400):
             while not run(chain, rng, until):
                 chain = grow(chain)
             recompute_sums(chain)
         found[name] = digest(chain, rng)
-    chain, rng = make_chain(Settings(UNIT, 1.0), exact_draws(1.0, UNIT, 1, np.random.default_rng(3))[0]), None
+    chain, rng = make_chain(Target(UNIT, 1.0), exact_draws(1.0, UNIT, 1, np.random.default_rng(3))[0]), None
     rng = np.random.default_rng(3)
     run(chain, rng, 2000)
     found["prior"] = digest(chain, rng)
@@ -83,7 +84,7 @@ def short_runs() -> dict[str, dict[str, str]]:
 
 
 def test_the_compiled_chain_is_that_of_plain_python_bit_for_bit(project_root: Path) -> None:
-    code = "import json; from tests.sampler.test_posterior import short_runs; print(json.dumps(short_runs()))"
+    code = "import json; from tests.sampler.test_target import short_runs; print(json.dumps(short_runs()))"
     environment = {**os.environ, "NUMBA_DISABLE_JIT": "1", "PYTHONPATH": str(project_root)}
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment, check=True)
     assert json.loads(done.stdout) == short_runs()
@@ -91,12 +92,12 @@ def test_the_compiled_chain_is_that_of_plain_python_bit_for_bit(project_root: Pa
 
 def test_every_move_is_made() -> None:
     assert set(MOVE_WEIGHTS) == set(range(c.N_MOVES))
-    assert make_chain(Settings(UNIT, 1.0), Coloring.empty(UNIT)).move_probabilities.sum() == pytest.approx(1.0)
+    assert make_chain(Target(UNIT, 1.0), Coloring.empty(UNIT)).move_probabilities.sum() == pytest.approx(1.0)
     assert min(MOVE_WEIGHTS.values()) > 0.0
 
 
 def test_moves_are_chosen_with_their_probabilities() -> None:
-    chain = make_chain(Settings(UNIT, 1.0), Coloring.empty(UNIT))
+    chain = make_chain(Target(UNIT, 1.0), Coloring.empty(UNIT))
     n = 200_000
     run(chain, np.random.default_rng(4), n)
     share = np.array([MOVE_WEIGHTS[move] for move in range(c.N_MOVES)]) / sum(MOVE_WEIGHTS.values())
@@ -106,17 +107,17 @@ def test_moves_are_chosen_with_their_probabilities() -> None:
 
 def test_tuning_follows_the_scale_unless_it_is_given() -> None:
     which = [c.LOCAL_SHARE, c.BIRTH_REACH, c.SPLIT_REACH, c.MOVE_REACH]
-    assert Settings(UNIT, 0.5).tuning()[which] == pytest.approx([0.8, 0.2, 0.04, 0.02])
-    given = Settings(UNIT, 0.5, local_share=0.1, birth_reach=1.0, split_reach=2.0, move_reach=3.0)
-    assert given.tuning()[which] == pytest.approx([0.1, 1.0, 2.0, 3.0])
+    assert Tuning().array(0.5)[which] == pytest.approx([0.8, 0.2, 0.04, 0.02])
+    given = Tuning(local_share=0.1, birth_reach=1.0, split_reach=2.0, move_reach=3.0)
+    assert given.array(0.5)[which] == pytest.approx([0.1, 1.0, 2.0, 3.0])
 
 
 def test_cells_follow_the_scale_but_never_number_millions() -> None:
     world = draw_world(0.2, ROOM, NEAR, 1, 4, np.random.default_rng(5))
-    assert Settings(ROOM, 0.1).cell_size() == pytest.approx(1.0)
-    assert Settings(ROOM, 0.1, world.data).cell_size() == pytest.approx(0.4)
-    assert Settings(ROOM, 0.1, world.data, cell=2.5).cell_size() == 2.5
-    assert Settings(Window(0.0, 0.0, 4000.0, 10.0), 1.0).cell_size() == pytest.approx(4.0)
+    assert Target(ROOM, 0.1).cell_size() == pytest.approx(1.0)
+    assert Target(ROOM, 0.1, world.data).cell_size() == pytest.approx(0.4)
+    assert Target(ROOM, 0.1, world.data, execution=Execution(cell=2.5)).cell_size() == 2.5
+    assert Target(Window(0.0, 0.0, 4000.0, 10.0), 1.0).cell_size() == pytest.approx(4.0)
 
 
 @pytest.mark.parametrize("at_truth", [False, True], ids=["from white", "from the truth"])
@@ -124,7 +125,7 @@ def test_the_start_has_the_sums_of_the_written_model(at_truth: bool) -> None:
     """Prior by its own function, likelihood by shapely and scipy."""
     world = draw_world(0.3, ROOM, NEAR, 3, 40, np.random.default_rng(6))
     start = world.coloring if at_truth else Coloring.empty(ROOM)
-    chain = make_chain(Settings(ROOM, 0.3, world.data, resolution=0.5), start)
+    chain = make_chain(Target(ROOM, 0.3, world.data, execution=Execution(resolution=0.5)), start)
     expected = slow_laser_sum(start, world.data)
     assert chain.graph.sums[c.LOG_LIKELIHOOD] == pytest.approx(expected, rel=1e-9)
     assert chain.graph.sums[c.LOG_PRIOR] == pytest.approx(log_density(start, 0.3), rel=1e-12, abs=1e-12)
@@ -137,7 +138,7 @@ def test_the_start_has_the_sums_of_the_written_model(at_truth: bool) -> None:
 def test_the_sums_of_a_run_are_those_of_the_written_model() -> None:
     """After 30,000 steps on readings, from the map alone."""
     world = draw_world(0.3, ROOM, NEAR, 3, 40, np.random.default_rng(7))
-    chain = make_chain(Settings(ROOM, 0.3, world.data), Coloring.empty(ROOM))
+    chain = make_chain(Target(ROOM, 0.3, world.data), Coloring.empty(ROOM))
     rng = np.random.default_rng(7)
     while not run(chain, rng, 30_000):
         chain = grow(chain)
@@ -168,13 +169,13 @@ def test_the_sums_of_a_run_with_sonar_are_those_of_the_written_model() -> None:
     """At the truth and after 20,000 steps from white, from the map alone; the laser's part adds to it."""
     rng = np.random.default_rng(10)
     world = draw_sonar_world(0.4, ROOM, Ring(), 3, 12, 0.5, rng)
-    chain = make_chain(Settings(ROOM, 0.4, sonar=world.data), world.coloring)
+    chain = make_chain(Target(ROOM, 0.4, sonar=world.data), world.coloring)
     assert chain.graph.sums[c.LOG_LIKELIHOOD] == pytest.approx(
         slow_sonar_sum(world.coloring, Ring(), world.data), rel=1e-9
     )
     assert len(chain.sensors.xy) == 3
     laser = draw_world(0.4, ROOM, NEAR, 2, 20, rng).data
-    chain = make_chain(Settings(ROOM, 0.4, laser, sonar=world.data), Coloring.empty(ROOM))
+    chain = make_chain(Target(ROOM, 0.4, laser, sonar=world.data), Coloring.empty(ROOM))
     assert len(chain.sensors.xy) == 5
     while not run(chain, rng, 20_000):
         chain = grow(chain)
@@ -190,10 +191,10 @@ def test_the_sums_of_a_run_with_points_are_those_of_the_written_model(law: Norma
     rng = np.random.default_rng(13)
     world = draw_world(0.3, ROOM, NEAR, 3, 20, rng)
     points = observe(world.coloring, law, places, rng)
-    chain = make_chain(Settings(ROOM, 0.3, points=points), world.coloring)
+    chain = make_chain(Target(ROOM, 0.3, points=points), world.coloring)
     expected = point_log_likelihood(world.coloring, law, points)
     assert chain.graph.sums[c.LOG_LIKELIHOOD] == pytest.approx(expected, rel=1e-12)
-    chain = make_chain(Settings(ROOM, 0.3, world.data, points=points), Coloring.empty(ROOM))
+    chain = make_chain(Target(ROOM, 0.3, world.data, points=points), Coloring.empty(ROOM))
     while not run(chain, rng, 20_000):
         chain = grow(chain)
     coloring = read_coloring(chain.graph)
@@ -205,19 +206,19 @@ def test_the_sums_of_a_run_with_points_are_those_of_the_written_model(law: Norma
 def test_the_first_map_has_the_colour_that_points_prefer_if_no_sensor_forbids() -> None:
     world = draw_world(0.2, ROOM, NEAR, 1, 4, np.random.default_rng(14))
     for value, black in ((1.0, True), (0.0, False)):
-        points = PointData.from_arrays(scattered(), np.full(40, value), Flips().model)
-        assert one_colour_map(Settings(ROOM, 0.2, points=points)).anchor_black == black
-        assert not one_colour_map(Settings(ROOM, 0.2, world.data, points=points)).anchor_black
-    assert not one_colour_map(Settings(ROOM, 0.2)).anchor_black
+        points = point_data(scattered(), np.full(40, value), Flips().model)
+        assert one_colour_map(Target(ROOM, 0.2, points=points)).anchor_black == black
+        assert not one_colour_map(Target(ROOM, 0.2, world.data, points=points)).anchor_black
+    assert not one_colour_map(Target(ROOM, 0.2)).anchor_black
 
 
 def test_cells_follow_the_scale_for_sonar_too() -> None:
     sonar = data_of(Ring(), [Cone(5.0, 5.0, 0.0, 0.3)], np.ones(1))
-    assert Settings(ROOM, 0.1, sonar=sonar).cell_size() == pytest.approx(0.4)
+    assert Target(ROOM, 0.1, sonar=sonar).cell_size() == pytest.approx(0.4)
 
 
 def test_no_readings_give_no_likelihood() -> None:
-    chain = make_chain(Settings(UNIT, 1.0), exact_draws(1.0, UNIT, 1, np.random.default_rng(8))[0])
+    chain = make_chain(Target(UNIT, 1.0), exact_draws(1.0, UNIT, 1, np.random.default_rng(8))[0])
     run(chain, np.random.default_rng(9), 5000)
     assert chain.graph.sums[c.LOG_LIKELIHOOD] == 0.0
     assert chain.image.black.size == 0
@@ -254,12 +255,12 @@ def test_a_log_at_another_place_gives_the_same_maps_there(shift, metres):
 
 def test_a_log_that_differs_gives_other_maps():
     case = first()
-    data = case.settings.laser
+    data = case.target.laser
     other = replace(
-        case.settings,
-        laser=LaserData.from_arrays(data.readings.origin, data.readings.angle, data.readings.range + 1e-3, data.model),
+        case.target,
+        laser=laser_data(data.readings.origin, data.readings.angle, data.readings.range + 1e-3, data.model),
     )
-    assert not np.array_equal(maps_of(case, 1)[0][0].xy, maps_of(case._replace(settings=other), 1)[0][0].xy)
+    assert not np.array_equal(maps_of(case, 1)[0][0].xy, maps_of(case._replace(target=other), 1)[0][0].xy)
 
 
 @pytest.fixture(scope="module")
@@ -269,14 +270,14 @@ def known():
 
 def longer(case):
     """Return a case whose readings are all 2 per cent longer: not the same posterior."""
-    data = case.settings.laser
-    laser = LaserData.from_arrays(data.readings.origin, data.readings.angle, 1.02 * data.readings.range, data.model)
-    return case._replace(settings=replace(case.settings, laser=laser))
+    data = case.target.laser
+    laser = laser_data(data.readings.origin, data.readings.angle, 1.02 * data.readings.range, data.model)
+    return case._replace(target=replace(case.target, laser=laser))
 
 
 def staged(case):
     """Return a case whose beams are asked in three stages, in another order."""
-    return reordered(case._replace(settings=replace(case.settings, levels=3)))
+    return reordered(case._replace(target=case.target.with_execution(levels=3)))
 
 
 WAYS = {

@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 
 import prf.sampler.chain
-import prf.sampler.record
 from prf.kernels import constants as c
 from prf.model.coloring import Draws, black_at, violations
 from prf.model.layout import pixel_centres
 from prf.model.window import Window
-from prf.sampler import Sampler
-from prf.sampler.chains import probe_pixels
-from prf.sampler.posterior import Settings
-from prf.sampler.record import FUNCTIONALS
+from prf.sampler import Ensemble
+from prf.sampler.chain import FUNCTIONALS
+from prf.sampler.ensemble import probe_pixels
+from prf.sampler.target import Execution, Target
 from prf.shell.cli.provenance import spawn_generators
+from tests.driving import advance
 from tests.reference.beams import Sensor
 from tests.reference.chain_state import digest
 from tests.reference.worlds import World, draw_world
@@ -31,19 +31,21 @@ def world() -> World:
     return draw_world(0.2, ROOM, Sensor(6.0), 2, 30, np.random.default_rng(1))
 
 
-def run_chains(world: World, n_chains: int, threads: int, blocks: int = 3) -> Sampler:
-    with Sampler(Settings(ROOM, 0.2, world.data, 0.5), spawn_generators(7, n_chains), threads) as sampler:
-        for _ in range(blocks):
-            sampler.advance()
+def run_chains(world: World, n_chains: int, threads: int, blocks: int = 3) -> Ensemble:
+    sampler = Ensemble(
+        Target(ROOM, 0.2, world.data, execution=Execution(resolution=0.5)), spawn_generators(7, n_chains)
+    )
+    for _ in range(blocks):
+        advance(sampler, threads)
     return sampler
 
 
-def digests(sampler: Sampler) -> list[dict[str, str]]:
+def digests(sampler: Ensemble) -> list[dict[str, str]]:
     return [digest(chain.chain, chain.rng) for chain in sampler.chains]
 
 
 @pytest.fixture(scope="module")
-def four(world: World) -> Sampler:
+def four(world: World) -> Ensemble:
     return run_chains(world, 4, 1)
 
 
@@ -53,7 +55,7 @@ def same_draws(one: Draws, two: Draws) -> bool:
 
 
 @pytest.mark.parametrize("threads", [2, 16])
-def test_threads_change_no_result(world: World, four: Sampler, threads: int) -> None:
+def test_threads_change_no_result(world: World, four: Ensemble, threads: int) -> None:
     other = run_chains(world, 4, threads)
     assert digests(other) == digests(four)
     one, two = four.sample(), other.sample()
@@ -71,11 +73,11 @@ def test_a_fifth_chain_leaves_the_first_four_alone_until_they_aim_by_what_all_of
     assert not np.array_equal(*aims)
 
 
-def test_chains_differ_from_one_another(four: Sampler) -> None:
+def test_chains_differ_from_one_another(four: Ensemble) -> None:
     assert len({found["vertices"] for found in digests(four)}) == 4
 
 
-def test_the_sample_holds_what_the_chains_recorded_after_burn_in(four: Sampler) -> None:
+def test_the_sample_holds_what_the_chains_recorded_after_burn_in(four: Ensemble) -> None:
     sample = four.sample()
     assert four.step == 30_000
     assert four.burn_in == 8000
@@ -93,12 +95,12 @@ def test_the_sample_holds_what_the_chains_recorded_after_burn_in(four: Sampler) 
         assert sample.probe_black[i].tolist() == black_at(sample.draws[i], four.probe_xy).tolist()
 
 
-def test_no_sensor_is_in_black(world: World, four: Sampler) -> None:
+def test_no_sensor_is_in_black(world: World, four: Ensemble) -> None:
     for coloring in four.sample().draws:
         assert not black_at(coloring, world.data.readings.origin).any()
 
 
-def test_the_best_map_has_the_highest_log_posterior_of_all_draws(four: Sampler) -> None:
+def test_the_best_map_has_the_highest_log_posterior_of_all_draws(four: Ensemble) -> None:
     best = four.best()
     assert best is not None
     recorded = [draw for chain in four.chains for draw in chain.record.draws]
@@ -116,10 +118,10 @@ def test_before_the_first_draw_there_is_no_best_map_and_no_image(world: World) -
     assert not any(found.agrees() for found in sampler.diagnose().values())
 
 
-def test_occupancy_is_the_mean_over_chains(four: Sampler) -> None:
+def test_occupancy_is_the_mean_over_chains(four: Ensemble) -> None:
     shares = four.occupancy()
     for which in range(2):
-        totals = [chain.times.total(chain.chain.image, four.step)[which] for chain in four.chains]
+        totals = [chain.record.times(chain.chain.image, four.step)[which] for chain in four.chains]
         expected = np.sum(totals, axis=0) / (4 * (four.step - four.burn_in))
         assert shares[which].ravel() == pytest.approx(expected, abs=1e-6)
         assert shares[which].shape == (20, 20)
@@ -128,7 +130,7 @@ def test_occupancy_is_the_mean_over_chains(four: Sampler) -> None:
     assert (shares[1] >= shares[0]).all()
 
 
-def test_occupancy_agrees_with_the_draws(four: Sampler) -> None:
+def test_occupancy_agrees_with_the_draws(four: Ensemble) -> None:
     """Few draws, all steps: they estimate the same thing, so that a mirrored or shifted image would show."""
     image = four.occupancy()[0].ravel()
     centres = pixel_centres(four.chains[0].chain.image.grid)
@@ -140,9 +142,9 @@ def test_occupancy_agrees_with_the_draws(four: Sampler) -> None:
 
 def test_occupancy_is_unknown_outside_the_window() -> None:
     """The window ends within the last column and row of pixels, before their centres."""
-    settings = Settings(UNEVEN, 0.5, resolution=1.0)
-    with Sampler(settings, spawn_generators(1, 2), 1) as sampler:
-        sampler.advance()
+    target = Target(UNEVEN, 0.5, execution=Execution(resolution=1.0))
+    sampler = Ensemble(target, spawn_generators(1, 2))
+    advance(sampler)
     for share in sampler.occupancy():
         assert share.shape == (4, 5)
         assert share.dtype == np.float32
@@ -152,23 +154,25 @@ def test_occupancy_is_unknown_outside_the_window() -> None:
 
 
 def test_the_prior_alone_is_black_half_of_the_time() -> None:
-    with Sampler(Settings(Window(0.0, 0.0, 1.0, 1.0), 1.0, resolution=0.25), spawn_generators(2, 4), 2) as sampler:
-        for _ in range(40):
-            sampler.advance()
+    sampler = Ensemble(
+        Target(Window(0.0, 0.0, 1.0, 1.0), 1.0, execution=Execution(resolution=0.25)), spawn_generators(2, 4)
+    )
+    for _ in range(40):
+        advance(sampler)
     black, mixed = sampler.occupancy()
     assert np.abs(black - 0.5).max() < 0.15
     assert mixed.min() > 0.6
 
 
-def test_disagreement_is_the_largest_difference_of_two_chains(four: Sampler) -> None:
+def test_disagreement_is_the_largest_difference_of_two_chains(four: Ensemble) -> None:
     steps = four.step - four.burn_in
-    black = np.array([chain.times.total(chain.chain.image, four.step)[0] for chain in four.chains]) / steps
+    black = np.array([chain.record.times(chain.chain.image, four.step)[0] for chain in four.chains]) / steps
     pairs = [np.abs(one - other) for one in black for other in black]
     assert four.disagreement().ravel() == pytest.approx(np.max(pairs, axis=0), abs=1e-6)
     assert four.disagreement().max() > 0.0
 
 
-def test_chains_climb_from_the_empty_map_and_settle(four: Sampler, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_chains_climb_from_the_empty_map_and_settle(four: Ensemble, monkeypatch: pytest.MonkeyPatch) -> None:
     draws = four.recorded()[0][:4]
     for values, climbs in (([1.0, 2.0, 3.0, 4.0], True), ([3.0, 1.0, 2.0, 1.5], False)):
         made = [dataclasses.replace(draw, functionals=np.array([x])) for draw, x in zip(draws, values, strict=True)]
@@ -184,9 +188,9 @@ def test_one_chain_disagrees_with_nobody(world: World) -> None:
 def test_seen_and_unseen_ground_have_probes_of_their_own() -> None:
     seen = np.zeros((20, 20), np.bool_)
     seen[:, :7] = True  # of the second column of blocks the two left columns of pixels
-    settings = Settings(ROOM, 0.2, resolution=0.5, seen=seen)
-    with Sampler(settings, spawn_generators(1, 2), 1) as sampler:
-        xy, unseen = sampler.probe_xy, sampler.unseen
+    target = Target(ROOM, 0.2, seen=seen, execution=Execution(resolution=0.5))
+    sampler = Ensemble(target, spawn_generators(1, 2))
+    xy, unseen = sampler.probe_xy, sampler.unseen
     of_seen = xy[:, 0] < 3.5
     assert (of_seen.sum(), (~of_seen).sum()) == (8, 12)
     assert set(np.round(xy[of_seen, 0], 2)) <= {1.25, 0.75, 1.75, 3.25}
@@ -195,23 +199,23 @@ def test_seen_and_unseen_ground_have_probes_of_their_own() -> None:
 
 
 def test_probes_lie_in_the_middle_of_sixteen_parts() -> None:
-    settings = Settings(ROOM, 0.2, resolution=0.5)
-    with Sampler(settings, spawn_generators(1, 1), 1) as sampler:
-        xy = sampler.probe_xy
+    target = Target(ROOM, 0.2, execution=Execution(resolution=0.5))
+    sampler = Ensemble(target, spawn_generators(1, 1))
+    xy = sampler.probe_xy
     assert len(xy) == 16
     middle = np.array([1.25, 3.75, 6.25, 8.75])
     assert np.abs(np.unique(xy[:, 0]) - middle).max() <= 0.25
     assert np.abs(np.unique(xy[:, 1]) - middle).max() <= 0.25
-    assert len(probe_pixels(Settings(ROOM, 0.2, resolution=8.0))) <= 4
-    assert UNEVEN.contains(xy_of(Settings(UNEVEN, 0.5, resolution=1.0))).all()
+    assert len(probe_pixels(Target(ROOM, 0.2, execution=Execution(resolution=8.0)))) <= 4
+    assert UNEVEN.contains(xy_of(Target(UNEVEN, 0.5, execution=Execution(resolution=1.0)))).all()
 
 
-def xy_of(settings: Settings) -> np.ndarray:
-    with Sampler(settings, spawn_generators(1, 1), 1) as sampler:
-        return sampler.probe_xy
+def xy_of(target: Target) -> np.ndarray:
+    sampler = Ensemble(target, spawn_generators(1, 1))
+    return sampler.probe_xy
 
 
-def test_outcomes_add_up_over_chains(four: Sampler) -> None:
+def test_outcomes_add_up_over_chains(four: Ensemble) -> None:
     outcomes = four.outcomes()
     assert outcomes.shape == (len(c.MOVES), c.N_OUTCOMES) == (c.N_MOVES, 3)
     assert outcomes[:, c.PROPOSED].sum() == 4 * four.step
@@ -219,7 +223,7 @@ def test_outcomes_add_up_over_chains(four: Sampler) -> None:
     assert (outcomes[:, c.VALID] <= outcomes[:, c.PROPOSED]).all()
 
 
-def test_agreement_is_of_functionals_and_probes(four: Sampler) -> None:
+def test_agreement_is_of_functionals_and_probes(four: Ensemble) -> None:
     diagnoses = four.diagnose()
     assert set(FUNCTIONALS) <= set(diagnoses)
     assert sum(name.startswith("colour at (") for name in diagnoses) == len(four.probe_xy)
@@ -229,7 +233,7 @@ def test_agreement_is_of_functionals_and_probes(four: Sampler) -> None:
 
 
 def test_an_error_in_a_chain_is_raised(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
-    with Sampler(Settings(ROOM, 0.2, world.data, 0.5), spawn_generators(7, 2), 2) as sampler:
-        monkeypatch.setattr(prf.sampler.chain, "recompute_sums", None)
-        with pytest.raises(TypeError):
-            sampler.advance()
+    sampler = Ensemble(Target(ROOM, 0.2, world.data, execution=Execution(resolution=0.5)), spawn_generators(7, 2))
+    monkeypatch.setattr(prf.sampler.chain, "recompute_sums", None)
+    with pytest.raises(TypeError):
+        advance(sampler)

@@ -1,13 +1,12 @@
-"""Several chains of one posterior side by side: rounds in threads, pooled estimates, agreement."""
+"""Several chains of one target side by side: what they do together, pooled estimates, agreement."""
 
 from __future__ import annotations
 
+import copy
 import logging
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property
-from types import TracebackType
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,16 +15,17 @@ from prf.configuration import Start
 from prf.kernels import constants as c
 from prf.kernels.poses.state import POSE_MOVES
 from prf.model.coloring import Draws
-from prf.model.layout import image_grid, pixel_centres, run_chain
+from prf.model.layout import image_grid, pixel_centres
 from prf.poses.posterior import Trajectory, pose_functionals
 from prf.results import PosteriorImage
 from prf.results.convergence import Diagnosis, diagnose, disagree
-from prf.sampler.chain import ChainSampler
-from prf.sampler.posterior import Settings
-from prf.sampler.record import EDGES_ANYWHERE, FUNCTIONALS, Draw, burn_in
-from prf.sampler.targets import aim, is_due
-from prf.sampler.tempering import LadderPlan, SwapReport
-from prf.sampler.tiles.tiled import advance_in_tiles, tiled_chains
+from prf.sampler.chain import EDGES_ANYWHERE, FUNCTIONALS, ChainRun, Draw, burn_in
+from prf.sampler.schedules import aim, is_aimed
+from prf.sampler.state import copied, run_chain
+from prf.sampler.target import Target
+from prf.sampler.tempering import LadderPlan
+from prf.sampler.tiles.rounds import make_tile_data
+from prf.sampler.tiles.schedule import Tiles
 
 logger = logging.getLogger(__name__)
 
@@ -45,42 +45,37 @@ class Sample(NamedTuple):
     probe_black: NDArray[np.bool_]  # (n, n_probes)
 
 
-class Sampler:
-    """Chains of one posterior that advance in step, one a generator, in `threads`, which change no result.
+class Ensemble:
+    """Chains of one target that advance in step, one a generator.
 
-    With a `plan` every chain has a temperature ladder, from the start or once chains disagree.
+    With a `plan` every chain has a temperature ladder, from the start or once chains disagree. The tiles of all chains
+    are worked in `threads`.
     """
 
     def __init__(
         self,
-        settings: Settings,
+        target: Target,
         generators: list[np.random.Generator],
-        threads: int,
         plan: LadderPlan | None = None,
         starts_from: Start = "empty",
-        kind: type[ChainSampler] = ChainSampler,
+        threads: int = 1,
+        is_cooled: bool = False,
     ) -> None:
-        self.settings = settings
-        self.probe_pixels = probe_pixels(settings)
-        self.chains: list[ChainSampler] = []
+        self.target = target
+        self.probe_pixels = probe_pixels(target)
+        self.chains: list[ChainRun] = []
         for rng in generators:
             like = self.chains[0].chain if self.chains else None
-            self.chains.append(kind(settings, rng, self.probe_pixels, starts_from=starts_from, like=like))
+            made = ChainRun(target, rng, self.probe_pixels, starts_from=starts_from, like=like, is_cooled=is_cooled)
+            self.chains.append(made)
         self._awaited = plan if plan is not None and plan.temperatures > 1 else None
+        self._blocks = 0  # whole blocks of steps at the start of the round
         if self._awaited is not None and not self._awaited.waits:
             self.temper()
-        self._tiled = tiled_chains(self.chains)
-        self._pool = ThreadPoolExecutor(max(1, threads if self._tiled else min(threads, len(self.chains))))
-
-    def __enter__(self) -> Self:
-        """Return itself."""
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """End the threads."""
-        self._pool.shutdown()
+        if target.execution.tiles:
+            data, pool = make_tile_data(target), ThreadPoolExecutor(threads) if threads > 1 else None
+            for chain in self.chains:
+                chain.schedule = Tiles(data, chain.record, pool)
 
     @property
     def step(self) -> int:
@@ -95,51 +90,50 @@ class Sampler:
     @property
     def n_temperatures(self) -> int:
         """Chains of each temperature ladder; 1 without parallel tempering."""
-        tempering = self.chains[0].tempering
-        return 1 if tempering is None else len(tempering.ladder.powers)
+        ladder = self.chains[0].ladder
+        return 1 if ladder is None else len(ladder.powers)
 
     @property
     def block(self) -> int:
-        """Steps of one round."""
-        return self._tiled[0].length if self._tiled else self.chains[0].block
+        """Steps of one round, of the longest where their number grows."""
+        schedule = self.chains[0].schedule
+        return schedule.longest if isinstance(schedule, Tiles) else self.chains[0].block
 
     @property
     def next_steps(self) -> int:
         """Steps of the next round."""
-        return self._tiled[0].next_length if self._tiled and self._tiled[0].is_due else self.chains[0].block
+        first = self.chains[0]
+        return first.schedule.round_length(first.step, first.block)
 
     @property
     def probe_xy(self) -> NDArray[np.float64]:
         """Points (n_probes, 2) in metres whose colour is followed."""
-        return _centres(self.settings)[self.probe_pixels]
+        return _centres(self.target)[self.probe_pixels]
 
     def compile(self) -> None:
         """Have the kernels compiled, or read from their cache, without a step; those of tiles come later."""
-        first = self.chains[0]
-        run_chain(first.chain, first.rng, self.step)
-        if first.poses is not None:
-            first.chain = first.poses.move(first.chain, first.rng, self.step)
-            first.measure_poses()
+        first = copied(self.chains[0].chain), self.chains[0].rng
+        run_chain(*first, self.step)
+        if self.chains[0].poses is not None:
+            poses = copy.copy(self.chains[0].poses)
+            poses.state = copied(poses.state)
+            poses.measure(poses.move(*first, self.step))
 
-    def find_starts(self, stop_requested: Callable[[], bool]) -> None:
-        """Before the first step: let every chain find where it starts (:mod:`prf.sampler.starts`)."""
-        list(self._pool.map(lambda chain: chain.find_start(stop_requested), self.chains))
-
-    def advance(self) -> None:
-        """Run one block in every chain, or one round of tiles; chains that disagree are tempered first, if planned."""
+    def begin_round(self) -> None:
+        """Before a round: temper chains that disagree, if planned."""
         if self._awaited is not None and is_look(self.step) and self.disagree():
             self.temper()
             logger.info(f"the chains disagree: {self.n_temperatures} temperatures each from step {self.step:,} on")
-        before = self.step // self.chains[0].block
-        if self._tiled and self._tiled[0].is_due:
-            advance_in_tiles(self._tiled, self._pool)
-        else:
-            latest = self._tiled[0].first if self._tiled else None
-            list(self._pool.map(lambda chain: chain.advance(latest), self.chains))
-        if is_due(before, self.step // self.chains[0].block):
-            aim([chain.chain for chain in self.chains], [chain.doubts for chain in self.chains])
+        self._blocks = self.step // self.chains[0].block
+
+    def end_round(self, chains: list[ChainRun]) -> None:
+        """Take the chains that have made a round; after a power of two of blocks, tune their proposals alike."""
+        self.chains = chains
+        if is_aimed(self._blocks, self.step // self.chains[0].block):
+            aim(self.chains)
             for chain in self.chains:
-                chain.measure_poses()
+                if chain.poses is not None:
+                    chain.poses.measure(chain.chain)
 
     def temper(self) -> None:
         """Put the planned temperature ladder on every chain; burn-in starts again. Without effect if it is there."""
@@ -185,9 +179,9 @@ class Sampler:
 
     def _pose_values(self, recorded: list[list[Draw]]) -> dict[str, NDArray[Any]]:
         """Return what is followed of uncertain poses, each (n_chains, n_draws); nothing of certain ones."""
-        if self.settings.poses is None:
+        if self.target.poses is None:
             return {}
-        given = self.settings.poses.prior.given
+        given = self.target.poses.prior.given
         offsets = np.array([[draw.poses for draw in draws] for draws in recorded], np.float32)
         return pose_functionals(given + offsets.reshape(*offsets.shape[:2], *given.shape), given)
 
@@ -199,7 +193,7 @@ class Sampler:
     @cached_property
     def unseen(self) -> frozenset[str]:
         """Functionals left to the prior, all or in part: colours of unseen probes, and what counts edges anywhere."""
-        seen = seen_pixels(self.settings)
+        seen = seen_pixels(self.target)
         if seen[self._pixels_inside].all():
             return frozenset()
         probes = zip(self._probe_names, seen[self.probe_pixels].tolist(), strict=True)
@@ -207,7 +201,7 @@ class Sampler:
 
     def trajectory(self) -> Trajectory | None:
         """Return the poses of all draws after burn-in; None where poses are certain."""
-        model = self.settings.poses
+        model = self.target.poses
         if model is None:
             return None
         flat = [draw.poses for draws in self.recorded() for draw in draws]
@@ -222,7 +216,7 @@ class Sampler:
         colours = np.array([draw.probe_black for draw in flat], np.bool_)
         values = np.array([draw.functionals for draw in flat]).reshape(len(flat), len(FUNCTIONALS))
         return Sample(
-            draws=Draws.from_colorings([draw.coloring for draw in flat], self.settings.window),
+            draws=Draws.from_colorings([draw.coloring for draw in flat], self.target.window),
             chain=np.repeat(np.arange(len(recorded), dtype=np.int32), [len(draws) for draws in recorded]),
             step=np.array([draw.step for draw in flat], np.int64),
             functionals={name: values[:, i].copy() for i, name in enumerate(FUNCTIONALS)},
@@ -251,13 +245,13 @@ class Sampler:
         """Return the occupancy image of all chains."""
         grid = self.chains[0].chain.image.grid
         occupancy, squares = self.occupancy()
-        seen = seen_pixels(self.settings).reshape(grid.ny, grid.nx)
+        seen = seen_pixels(self.target).reshape(grid.ny, grid.nx)
         origin = np.array([grid.x0, grid.y0])
         return PosteriorImage(occupancy, squares, origin, grid.cell, seen, self.disagreement())
 
     def _times(self) -> list[tuple[NDArray[np.int64], NDArray[np.int64]]]:
         """Return the black and mixed times of the pixels of each chain, in steps."""
-        return [chain.times.total(chain.chain.image, self.step) for chain in self.chains]
+        return [chain.record.times(chain.chain.image, self.step) for chain in self.chains]
 
     def _shares(self, times: NDArray[np.int64], steps: int) -> NDArray[np.float32]:
         """Return times (n_pixels,) as shares of `steps` (ny, nx), nan outside the window or of no steps."""
@@ -268,7 +262,7 @@ class Sampler:
     @cached_property
     def _pixels_inside(self) -> NDArray[np.bool_]:
         """Which pixels of the image have their centre in the window."""
-        return self.settings.window.contains(pixel_centres(self.chains[0].chain.image.grid))
+        return self.target.window.contains(pixel_centres(self.chains[0].chain.image.grid))
 
     def best(self) -> Draw | None:
         """Return the recorded map of highest log posterior of all chains."""
@@ -289,9 +283,9 @@ class Sampler:
             found |= dict(zip(POSE_MOVES, total, strict=True))
         return found
 
-    def swaps(self) -> list[SwapReport]:
-        """Return the state of the temperature ladder of each chain; empty without parallel tempering."""
-        return [chain.tempering.report() for chain in self.chains if chain.tempering is not None]
+    def swaps(self) -> list[dict[str, Any]]:
+        """Return the report of the temperature ladder of each chain; empty without parallel tempering."""
+        return [chain.ladder.report() for chain in self.chains if chain.ladder is not None]
 
     def log_posterior(self) -> float:
         """Return the mean log posterior of the present maps, up to a constant."""
@@ -305,10 +299,10 @@ def is_look(step: int) -> bool:
     return rest == 0 and doublings.bit_count() == 1
 
 
-def probe_pixels(settings: Settings) -> NDArray[np.int64]:
+def probe_pixels(target: Target) -> NDArray[np.int64]:
     """Return pixels: of each block of a 4 x 4 division of the window the seen and the unseen one next to its middle."""
-    centres, seen = _centres(settings), seen_pixels(settings)
-    inside, window = settings.window.contains(centres), settings.window
+    centres, seen = _centres(target), seen_pixels(target)
+    inside, window = target.window.contains(centres), target.window
     place = PROBE_BLOCKS * (centres - window[:2]) / (window.width, window.height)
     block = np.clip(np.floor(place), 0, PROBE_BLOCKS - 1)
     metres = np.hypot(*((place - block - 0.5) * (window.width, window.height)).T)
@@ -319,12 +313,12 @@ def probe_pixels(settings: Settings) -> NDArray[np.int64]:
     return np.sort(order[first])
 
 
-def seen_pixels(settings: Settings) -> NDArray[np.bool_]:
+def seen_pixels(target: Target) -> NDArray[np.bool_]:
     """Return which pixels (n_pixels,) of the image readings saw, row by row from the lowest."""
-    return np.ones(len(_centres(settings)), np.bool_) if settings.seen is None else settings.seen.ravel()
+    return np.ones(len(_centres(target)), np.bool_) if target.seen is None else target.seen.ravel()
 
 
-def _centres(settings: Settings) -> NDArray[np.float64]:
-    if settings.resolution is None:
+def _centres(target: Target) -> NDArray[np.float64]:
+    if target.execution.resolution is None:
         return np.zeros((0, 2))
-    return pixel_centres(image_grid(settings.window, settings.resolution))
+    return pixel_centres(image_grid(target.window, target.execution.resolution))

@@ -1,13 +1,12 @@
-"""One chain in rounds of tiles: the work in each tile, the merged map, and what is recorded on the way.
+"""The schedule of a chain in tiles: the work in each tile, the merged map, and what is recorded on the way.
 
 The work in a tile is a pure function of the round and the readings.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from concurrent.futures import Executor
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,15 +15,23 @@ from prf.kernels import constants as c
 from prf.kernels.state.chain import Chain
 from prf.kernels.state.image import count_edges, settle_all
 from prf.model.coloring import Coloring, black_at
-from prf.model.layout import run_chain
 from prf.model.window import INTERIOR, Window
-from prf.sampler.chain import ChainSampler
-from prf.sampler.chain_map import with_map
-from prf.sampler.posterior import Settings, make_chain
-from prf.sampler.record import Draw, burn_in, functionals
+from prf.sampler.chain import Draw, Record, burn_in, functionals
+from prf.sampler.schedules import Plain, Steps
+from prf.sampler.state import make_chain, run_chain, with_map
+from prf.sampler.target import Execution, Target
 from prf.sampler.tiles.part import Part, make_part
-from prf.sampler.tiles.partition import PLAIN_SHARE, first_round, looks_of, narrowest, round_length
-from prf.sampler.tiles.rounds import Round, TileData, make_round, make_tile_data
+from prf.sampler.tiles.rounds import (
+    PLAIN_SHARE,
+    Round,
+    TileData,
+    first_round,
+    looks_of,
+    make_round,
+    make_tile_data,
+    narrowest,
+    round_length,
+)
 
 
 class TileState(NamedTuple):
@@ -137,7 +144,7 @@ def finish_round(data: TileData, chain: Chain, done: Round, results: list[TileRe
         chain.image.black_time[result.pixels] += len(done.tiles) * result.black_time
         chain.image.mixed_time[result.pixels] += len(done.tiles) * result.mixed_time
     merged_map = merged(done, results)
-    found = with_map(chain, data.settings, merged_map)
+    found = with_map(chain, data.target, merged_map)
     if found.image.black.size > 0:
         found.image.black_since[:] = found.graph.counts[c.STEP]
         found.image.mixed_since[:] = found.graph.counts[c.STEP]
@@ -145,81 +152,55 @@ def finish_round(data: TileData, chain: Chain, done: Round, results: list[TileRe
     return found
 
 
-class TiledChain:
-    """How a chain steps in tiles: who drives it begins a round, has the tiles worked, and ends the round."""
+class Tiles(Plain):
+    """Rounds of tiles, after the first steps on the whole window. It records by itself what the tiles were on the way.
 
-    def __init__(self, sampler: ChainSampler, data: TileData) -> None:
-        self.sampler = sampler
-        self.data = data
-        self.length = round_length(data.settings)
+    Tiles are worked in the threads of `pool`; without one, and in another process, one after the other.
+    """
+
+    def __init__(self, data: TileData, record: Record, pool: Executor | None = None) -> None:
+        self.data, self.record, self.pool = data, record, pool
         self.first = first_round()
+        self.longest = round_length(data.target)
 
-    @property
-    def is_due(self) -> bool:
-        """Whether the next steps are a round."""
-        return self.sampler.step >= self.first
+    def turn(self, step: int, stop: int, end: int) -> tuple[Steps, int]:
+        """Return the steps on the whole window, or all of a round."""
+        return (run_chain, stop) if step < self.first else (self.make_round, end)
 
-    @property
-    def next_length(self) -> int:
-        """Steps of the next round."""
-        return min(self.length, max(self.first, burn_in(self.sampler.step)))
+    def round_length(self, step: int, block: int) -> int:
+        """Return the steps of the next round."""
+        if step < self.first:
+            return min(block, self.first - step)
+        return min(self.longest, max(self.first, burn_in(step)))
 
-    def begin(self) -> Round:
-        """Begin a round."""
-        steps = self.next_length - round(PLAIN_SHARE * self.next_length)
-        return self._round(steps, self.sampler.rng)
+    def make_round(self, chain: Chain, rng: np.random.Generator, end: int) -> Chain:
+        """Make a round up to the step `end`: the tiles at once, then on the whole window; return the chain."""
+        target, begun_at, at_first = self.data.target, int(chain.graph.counts[c.STEP]), functionals(chain)
+        length = end - begun_at
+        steps = length - round(PLAIN_SHARE * length)
+        least, n_looks = narrowest(target.window, target.execution.tiles), looks_of(length)
+        begun = make_round(self.data, chain, target.execution.tiles, least, steps, rng, n_looks, self.record.probes)
+        results = self.work(begun)
+        at_looks = np.linspace(begun_at, end, n_looks + 1, dtype=np.int64)[1:-1]
+        for look, step in enumerate(at_looks.tolist()):
+            if self.record.is_due(step):
+                self.record.add(draw_at(begun, results, look, step, at_first))
+        return run_chain(finish_round(self.data, chain, begun, results), rng, end)
 
-    def _round(self, steps: int, rng: np.random.Generator) -> Round:
-        settings = self.data.settings
-        least = narrowest(settings.window, settings.tiles)
-        looks, probes = looks_of(self.next_length), self.sampler.record.probes
-        return make_round(self.data, self.sampler.chain, settings.tiles, least, steps, rng, looks, probes)
+    def work(self, begun: Round) -> list[TileResult]:
+        """Return what all tiles of a round came to."""
+        n = len(begun.tiles)
+        workers = map if self.pool is None else self.pool.map
+        return list(workers(work_tile, [self.data] * n, [begun] * n, range(n)))
 
-    def end(self, begun: Round, results: list[TileResult]) -> None:
-        """Merge the tiles, and run on the whole window up to the end of the round.
-
-        What is there is recorded at the end, and on the way as the tiles were at their looks.
-        """
-        sampler = self.sampler
-        length = self.next_length
-        end = sampler.step + length
-        at_first = functionals(sampler.chain)
-        steps = np.linspace(sampler.step, end, len(begun.looks) + 1, dtype=np.int64)[1:-1]
-        for look, step in enumerate(steps.tolist()):
-            if sampler.record.is_due(step):
-                sampler.record.add(draw_at(begun, results, look, step, at_first))
-        sampler.chain = finish_round(self.data, sampler.chain, begun, results)
-        sampler.record_at(end)
-        sampler.finish_block(length)
-
-    def advance(self) -> None:
-        """Do one round, the tiles one after the other."""
-        begun = self.begin()
-        self.end(begun, [work_tile(self.data, begun, number) for number in range(len(begun.tiles))])
-
-
-def tiled_chains(samplers: Sequence[ChainSampler]) -> list[TiledChain]:
-    """Return chains of one posterior in tiles; none if their settings ask for none."""
-    if not samplers or samplers[0].settings.tiles == 0:
-        return []
-    data = make_tile_data(samplers[0].settings)
-    return [TiledChain(sampler, data) for sampler in samplers]
-
-
-def advance_in_tiles(chains: Sequence[TiledChain], pool: Executor) -> None:
-    """Do one round in every chain, the tiles of all side by side."""
-    begun = list(pool.map(TiledChain.begin, chains))
-    futures = [
-        [pool.submit(work_tile, chain.data, each, number) for number in range(len(each.tiles))]
-        for chain, each in zip(chains, begun, strict=True)
-    ]
-    results = [[future.result() for future in row] for row in futures]
-    list(pool.map(TiledChain.end, chains, begun, results))
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave the threads behind."""
+        return {**self.__dict__, "pool": None}
 
 
 def small_round() -> None:
     """Do one round of a few steps without readings: it calls the kernels of tiles, as a run does after many."""
-    settings = Settings(Window(0.0, 0.0, 1.0, 1.0), 1.0, resolution=0.2)
-    data, chain = make_tile_data(settings), make_chain(settings, Coloring.empty(settings.window))
+    target = Target(Window(0.0, 0.0, 1.0, 1.0), 1.0, execution=Execution(resolution=0.2))
+    data, chain = make_tile_data(target), make_chain(target, Coloring.empty(target.window))
     begun = make_round(data, chain, 2, 0.2, 20, np.random.default_rng(1))
     finish_round(data, chain, begun, [work_tile(data, begun, number) for number in range(len(begun.tiles))])
