@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
-from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,10 +12,10 @@ from numpy.typing import NDArray
 
 from mapq.axes import GroundPlan, turn, turn_cloud
 from mapq.cloud import PointCloud
-from mapq.configuration import Configuration
+from mapq.configuration import Configuration, SegmentSettings
 from mapq.crf import classify, explain
 from mapq.features.compute import feature_settings
-from mapq.features.disagreement import FIELDS, Span, decide, span_of
+from mapq.features.disagreement import FIELDS, Known, Span, decide, span_of
 from mapq.io.models import read_default_model
 from mapq.io.results import result_cloud
 from mapq.labels import SUSPICIOUS
@@ -34,7 +33,7 @@ from mapq.tiled.output import Workers, open_workers, plan_output, write_map
 from mapq.tiled.source import Map, WorkFolder, is_tiled, open_map
 from mapq.tiled.tiling import HALO_IN_GAPS, HALO_IN_SPACING, Counts, Tiling, cells_of, keys_of, make_tiling
 from prf.shell.cli.files import work_folder
-from prf.shell.cli.progress import Report, progress
+from prf.shell.cli.progress import Report, progress, report_nothing
 from prf.shell.errors import InputError
 
 SAMPLE = 3_000_000
@@ -73,13 +72,13 @@ def classify_map(
     with (
         work_folder(target) as folder,
         open_workers(tiles.workers, tiles.scheduler) as workers,
-        progress(len(STAGES), "classifying") as reporter,
+        progress(len(STAGES), "classifying") as report,
     ):
-        job = Job(files, settings, workers, folder, reporter)
-        job.cut()
-        result = job.assess(model or read_default_model(), origin or Origin(path), sources or {})
-        head = {**result.head(*limits), "tiles": len(job.tiling.boxes)}
-        write_map(folder, output, files, job.pieces(result), (head, result.patch_rows()))
+        cut = cut_map(files, settings, workers, folder, report)
+        result = assess_map(cut, settings, model or read_default_model(), workers, origin or Origin(path), report)
+        result = replace(result, patches=_with_sources(result.patches, sources or {}))
+        head = {**result.head(*limits), "tiles": len(cut.tiling.boxes)}
+        write_map(folder, output, files, result_pieces(cut, result, report), (head, result.patch_rows()))
     return result
 
 
@@ -92,190 +91,204 @@ class _Counted(NamedTuple):
     spans: dict[str, Span | None]
 
 
-class _Estimate(NamedTuple):
-    """Parameters for the whole map, frame (4,) of its octree, box (2, 3) beyond which points are left out."""
+class TiledPatches(NamedTuple):
+    """A map that was cut into patches tile by tile, with all that measuring and writing need of it."""
 
-    chosen: Parameters
-    frame: Floats
-    near: Floats
-
-
-class Job:
-    """One map, the workers and the work folder: :meth:`cut`, then :meth:`assess`, then :meth:`pieces`."""
-
+    files: Map
+    store: WorkFolder
+    tiling: Tiling
+    quarter: int  # by which the map's own axes are turned
+    known: Known
+    clock: visits.Clock | None
+    stays: list[visits.Stays]  # of the pieces of the map; none without a clock
+    whole: Whole  # in the map's own axes
     patches: PatchesOnDisk  # in the axes of the files
     patch: NDArray[np.int32]  # (n,) patch of each point, on the disk
-    tiling: Tiling
 
-    def __init__(
-        self, files: Map, settings: Configuration, workers: Workers, folder: str, reporter: Report | None = None
-    ) -> None:
-        self._files, self._settings, self._workers, self._reporter = files, settings, workers, reporter
-        names = tuple(name for name in dict.fromkeys((*FIELDS, *visits.FIELDS)) if name in files.fields)
-        self._names, self._folder = names, folder
-        self._stays: list[visits.Stays] = []
 
-    def cut(self) -> None:
-        """Cut the map into patches."""
-        counted = self._count()
-        self._plan, spans = counted.plan, {name: span for name, span in counted.spans.items() if span is not None}
-        self._known, self._clock = decide(spans), visits.clock_of(spans)
-        used = dict.fromkeys((*self._known.fields, *(self._clock.fields if self._clock is not None else ())))
-        self._quarter = counted.plan.quarter()
-        self._store = WorkFolder(self._folder, tuple(used))
-        self.tiling = make_tiling(counted.counts.turned(self._quarter), self._settings.tiles.tile_points)
-        guess = self._estimate(self._sort(counted.columns.turned(self._quarter)))
-        halo = max(HALO_IN_GAPS * guess.chosen.max_gap, HALO_IN_SPACING * guess.chosen.spacing)
-        tasks = [
-            CutTask(tile, self._store, self.tiling, halo, guess.chosen, guess.frame, guess.near)
-            for tile in range(len(self.tiling.boxes))
-        ]
-        cuts = list(self._each("segmenting", cut_tile, tasks))
-        self._whole = whole = unite(cuts, self._store, self.tiling, halo, guess.chosen)
-        n_near, n_distinct, n_looked_at = (
-            sum(getattr(cut, name) for cut in cuts) for name in ("n_points", "n_distinct", "n_looked_at")
-        )
-        n_far = counted.plan.n_points - n_near
-        report = {
-            "points": self._files.n_points,
-            "points_not_finite": self._files.n_points - counted.plan.n_points,
-            "points_far_outside": n_far,
-            "points_repeated": n_near - n_distinct,
-            "points_looked_at": n_looked_at,
-            **whole.joined.report,
-            "warnings": warnings_of(guess.chosen, n_far, whole.joined.report),
-        }
-        self._number_points()
-        self.patches = self._in_axes_of_files(whole, guess.chosen.described(self._quarter), report)
+def cut_map(
+    files: Map, settings: Configuration, workers: Workers, folder: str, report: Report = report_nothing
+) -> TiledPatches:
+    """Cut a map into patches; its points are kept in the work folder."""
+    counted = _count(files, report)
+    spans = {name: span for name, span in counted.spans.items() if span is not None}
+    known, clock = decide(spans), visits.clock_of(spans)
+    used = dict.fromkeys((*known.fields, *(clock.fields if clock is not None else ())))
+    quarter, store = counted.plan.quarter(), WorkFolder(folder, tuple(used))
+    tiling = make_tiling(counted.counts.turned(quarter), settings.tiles.tile_points)
+    sample, stays = _sort(files, store, tiling, quarter, clock, counted.columns.turned(quarter), report)
+    chosen, frame, near = _estimate(files.name, sample, settings.segment, counted.plan, quarter)
+    halo = max(HALO_IN_GAPS * chosen.max_gap, HALO_IN_SPACING * chosen.spacing)
+    tasks = [CutTask(tile, store, tiling, halo, chosen, frame, near) for tile in range(len(tiling.boxes))]
+    cuts = list(_reported(report, "segmenting", workers(cut_tile, tasks), len(tasks)))
+    whole = unite(cuts, store, tiling, halo, chosen)
+    n_near, n_distinct, n_looked_at = (
+        sum(getattr(cut, name) for cut in cuts) for name in ("n_points", "n_distinct", "n_looked_at")
+    )
+    n_far = counted.plan.n_points - n_near
+    found = {
+        "points": files.n_points,
+        "points_not_finite": files.n_points - counted.plan.n_points,
+        "points_far_outside": n_far,
+        "points_repeated": n_near - n_distinct,
+        "points_looked_at": n_looked_at,
+        **whole.joined.report,
+        "warnings": warnings_of(chosen, n_far, whole.joined.report),
+    }
+    patches = _in_axes_of_files(files, whole, quarter, chosen.described(quarter), found)
+    patch = _numbered(files.n_points, store, whole)
+    return TiledPatches(files, store, tiling, quarter, known, clock, stays, whole, patches, patch)
 
-    def _each(self, stage: str, function: Callable[[Any], Any], tasks: Sequence[Any]) -> Iterator[Any]:
-        """Yield what a function returns for each task."""
-        return self._reported(stage, self._workers(function, tasks), len(tasks))
 
-    def _reported(self, stage: str, items: Iterable[Any], n_items: int) -> Iterator[Any]:
-        for place, item in enumerate(items):
-            if self._reporter is not None:
-                self._reporter(STAGES.index(stage) + (place + 1) / n_items, stage=stage)
-            yield item
+def _reported(report: Report, stage: str, items: Iterable[Any], n_items: int) -> Iterator[Any]:
+    """Yield items of a stage, and report each."""
+    for place, item in enumerate(items):
+        report(STAGES.index(stage) + (place + 1) / n_items, stage=stage)
+        yield item
 
-    def _count(self) -> _Counted:
-        counts, columns, plan = Counts(), Counts(SAMPLE_CELL), GroundPlan()
-        spans: dict[str, Span | None] = dict.fromkeys(self._names, Span())
-        n_pieces = -(-self._files.n_points // 1_000_000) + len(self._files.sources)
-        for _, piece in self._reported("counting", self._files.pieces(self._names), n_pieces):
-            number = np.flatnonzero(piece.finite())
-            if len(number):
-                xyz = piece.xyz[number]
-                counts, columns, plan = counts.plus(xyz), columns.plus(xyz), plan.joined(GroundPlan.of(xyz))
-                spans = {name: _joined(span, span_of(piece, name, number)) for name, span in spans.items()}
-        if plan.n_points == 0:
-            raise InputError(f"{self._files.name}: no point is finite. Check how the map was written.")
-        return _Counted(counts, columns, plan, spans)
 
-    def _sort(self, columns: Counts) -> Floats:
-        """Write the points of each tile to its file; return those of a sample of columns (n, 3)."""
-        drawn = columns.drawn(SAMPLE)
-        sample, begin = [], 0
-        n_pieces = -(-self._files.n_points // 1_000_000) + len(self._files.sources)
-        for _, read in self._reported("sorting", self._files.pieces(self._store.fields), n_pieces):
-            number = np.flatnonzero(read.finite())
-            piece = turn_cloud(read.take(number), self._quarter)
-            records = np.empty(len(piece), self._store.record)
-            records["xyz"], records["number"] = piece.xyz, number + begin
-            for name in self._store.fields:
-                records[name] = piece.fields[name]
-            begin += len(read)
-            if not len(piece):
-                continue
-            if self._clock is not None:
-                self._stays.append(visits.stays_of(piece, self._clock)[0])
-            sample.append(piece.xyz[np.isin(keys_of(cells_of(piece.xyz, columns.side)), drawn)])
-            tile = self.tiling.of_points(piece.xyz)
-            order = np.argsort(tile, kind="stable")
-            for rows in np.split(order, np.flatnonzero(np.diff(tile[order])) + 1):
-                self._store.append(int(tile[rows[0]]), records[rows])
-        return np.concatenate(sample)
+def _pieces(files: Map, report: Report, stage: str, names: tuple[str, ...] | None = None) -> Iterator[Any]:
+    """Yield the points of a map in pieces, with the number of their file, and report each."""
+    n_pieces = -(-files.n_points // 1_000_000) + len(files.sources)
+    return _reported(report, stage, files.pieces(names), n_pieces)
 
-    def _estimate(self, sample: Floats) -> _Estimate:
-        name = self._files.name
-        points = sort_points(PointCloud(sample, np.zeros(3), source=name))
-        if len(points.xyz) < FEWEST_POINTS:
-            raise InputError(f"{name}: {len(points.xyz)} distinct points; a plane needs {FEWEST_POINTS}.")
-        chosen = choose_parameters(points, self._settings.segment, self._quarter)
-        low, high = box = self._plan.box(self._quarter)
-        if float((high - low).max()) >= MOST_SPACINGS * chosen.spacing:
-            middle = np.quantile(sample, (0.01, 0.99), axis=0)
-            reach = FAR * float(np.ptp(middle, axis=0).max())
-            low, high = np.clip(box, middle[0] - reach, middle[1] + reach)
-        frame, doublings = points.frame.copy(), 0
-        if (frame[:3] > low).any() or (frame[:3] + frame[3] <= high).any():
-            frame[:3] = low
-            while (frame[:3] + frame[3] <= high).any():
-                frame[3] *= 2.0
-                doublings += 1
-        return _Estimate(chosen._replace(level=chosen.level + doublings), frame, np.array([low, high]))
 
-    def _number_points(self) -> None:
-        """Write the patch of each point of the map, in the order of the files."""
-        path = os.path.join(self._folder, "patch")
-        self.patch = np.memmap(path, np.int32, "w+", shape=(self._files.n_points,))
-        self.patch[:] = -1
-        for patch in range(len(self._whole)):
-            rows = self._whole.slices[self._whole.first[patch] : self._whole.first[patch + 1]]
-            for records in self._store.points(rows):
-                self.patch[records["number"]] = patch
+def _count(files: Map, report: Report) -> _Counted:
+    names = tuple(name for name in dict.fromkeys((*FIELDS, *visits.FIELDS)) if name in files.fields)
+    counts, columns, plan = Counts(), Counts(SAMPLE_CELL), GroundPlan()
+    spans: dict[str, Span | None] = dict.fromkeys(names, Span())
+    for _, piece in _pieces(files, report, "counting", names):
+        number = np.flatnonzero(piece.finite())
+        if len(number):
+            xyz = piece.xyz[number]
+            counts, columns, plan = counts.plus(xyz), columns.plus(xyz), plan.joined(GroundPlan.of(xyz))
+            spans = {name: _joined(span, span_of(piece, name, number)) for name, span in spans.items()}
+    if plan.n_points == 0:
+        raise InputError(f"{files.name}: no point is finite. Check how the map was written.")
+    return _Counted(counts, columns, plan, spans)
 
-    def _in_axes_of_files(self, whole: Whole, parameters: dict[str, Any], report: dict[str, Any]) -> PatchesOnDisk:
-        files, quarter, joined = self._files, -self._quarter, whole.joined
-        nowhere = np.broadcast_to(np.full((1, 3), np.nan), (files.n_points, 3))
-        cloud = PointCloud(nowhere, files.shift, source=files.name, unit=files.sources[0].unit)
-        normal, centroid = turn(joined.normal, quarter), turn(joined.centroid, quarter)
-        plain = Patches.unlabelled(cloud, np.zeros(0, np.int32), normal, centroid, parameters, report)
-        low, high = np.sort([turn(whole.low, quarter), turn(whole.high, quarter)], axis=0)
-        named = {name: getattr(plain, name) for name in Patches.__dataclass_fields__}
-        return PatchesOnDisk(**named, sizes=joined.n_points, low=low, high=high)
 
-    def assess(
-        self, model: Model, origin: Origin | None = None, sources: Mapping[str, str] = MappingProxyType({})
-    ) -> Result:
-        """Return what a model infers about the patches; `sources` of the settings are added to their report.
+def _sort(
+    files: Map,
+    store: WorkFolder,
+    tiling: Tiling,
+    quarter: int,
+    clock: visits.Clock | None,
+    columns: Counts,
+    report: Report,
+) -> tuple[Floats, list[visits.Stays]]:
+    """Write the points of each tile to its file; return a sample (n, 3) of them, and where the sensor was."""
+    drawn = columns.drawn(SAMPLE)
+    sample, stays, begin = [], [], 0
+    for _, read in _pieces(files, report, "sorting", store.fields):
+        number = np.flatnonzero(read.finite())
+        piece = turn_cloud(read.take(number), quarter)
+        records = np.empty(len(piece), store.record)
+        records["xyz"], records["number"] = piece.xyz, number + begin
+        for name in store.fields:
+            records[name] = piece.fields[name]
+        begin += len(read)
+        if not len(piece):
+            continue
+        if clock is not None:
+            stays.append(visits.stays_of(piece, clock)[0])
+        sample.append(piece.xyz[np.isin(keys_of(cells_of(piece.xyz, columns.side)), drawn)])
+        tile = tiling.of_points(piece.xyz)
+        order = np.argsort(tile, kind="stable")
+        for rows in np.split(order, np.flatnonzero(np.diff(tile[order])) + 1):
+            store.append(int(tile[rows[0]]), records[rows])
+    return np.concatenate(sample), stays
 
-        Raises InputError if the model needs features that this release does not have.
-        """
-        settings = feature_settings(model)
-        given = np.asarray(settings.up if settings.up is not None else self.patches.parameters["up"], np.float64)
-        up = given / np.linalg.norm(given)
-        x, y, z = turn(up, self._quarter).tolist()
-        measuring = Measuring(
-            self._whole,
-            self._store,
-            self.tiling.boxes,
-            settings.replace(up=(x, y, z)),
-            self._workers,
-            self._settings.tiles.tile_points,
-        )
-        parts = self._reported("measuring", measuring.features(self._known), len(measuring.groups))
-        features = measuring.join(list(parts), up.tolist())
-        labelling = classify(features, model)
-        seen = Seen(None, {})
-        if self._clock is not None and self._stays:
-            stays = visits.join_stays(self._stays)
-            visited = visits.visits_from(self._clock, stays, np.zeros(0, np.int64), None)
-            bad = labelling.label == SUSPICIOUS
-            seen = Seen(visited, measuring.causes(features, bad, self._clock, stays, visited))
-        terms = explain(features, model, labelling.label)
-        patches = replace(self.patches, report={**self.patches.report, "sources": dict(sources)})
-        return Result(patches, features, model, labelling, terms, origin or Origin(), seen)
 
-    def pieces(self, result: Result) -> Iterator[tuple[int, PointCloud]]:
-        """Yield the points of the map in order, with the fields of a result, and the number of their file."""
-        label, probability, cause = result.labelling.label, result.labelling.probability, result.cause_codes()
-        begin = 0
-        n_pieces = -(-self._files.n_points // 1_000_000) + len(self._files.sources)
-        for number, piece in self._reported("writing", self._files.pieces(), n_pieces):
-            patch = np.array(self.patch[begin : begin + len(piece)])
-            begin += len(piece)
-            yield number, result_cloud(piece, patch, label, probability, cause)
+def _estimate(
+    name: str, sample: Floats, settings: SegmentSettings, plan: GroundPlan, quarter: int
+) -> tuple[Parameters, Floats, Floats]:
+    """Return parameters of the map, frame (4,) of its octree, and box (2, 3) beyond which points are left out."""
+    points = sort_points(PointCloud(sample, np.zeros(3), source=name))
+    if len(points.xyz) < FEWEST_POINTS:
+        raise InputError(f"{name}: {len(points.xyz)} distinct points; a plane needs {FEWEST_POINTS}.")
+    chosen = choose_parameters(points, settings, quarter)
+    low, high = box = plan.box(quarter)
+    if float((high - low).max()) >= MOST_SPACINGS * chosen.spacing:
+        middle = np.quantile(sample, (0.01, 0.99), axis=0)
+        reach = FAR * float(np.ptp(middle, axis=0).max())
+        low, high = np.clip(box, middle[0] - reach, middle[1] + reach)
+    frame, doublings = points.frame.copy(), 0
+    if (frame[:3] > low).any() or (frame[:3] + frame[3] <= high).any():
+        frame[:3] = low
+        while (frame[:3] + frame[3] <= high).any():
+            frame[3] *= 2.0
+            doublings += 1
+    return chosen._replace(level=chosen.level + doublings), frame, np.array([low, high])
+
+
+def _numbered(n_points: int, store: WorkFolder, whole: Whole) -> NDArray[np.int32]:
+    """Write the patch (n,) of each point of the map, in the order of the files."""
+    found = np.memmap(os.path.join(store.folder, "patch"), np.int32, "w+", shape=(n_points,))
+    found[:] = -1
+    for patch in range(len(whole)):
+        for records in store.points(whole.slices[whole.first[patch] : whole.first[patch + 1]]):
+            found[records["number"]] = patch
+    return found
+
+
+def _in_axes_of_files(
+    files: Map, whole: Whole, quarter: int, parameters: dict[str, Any], report: dict[str, Any]
+) -> PatchesOnDisk:
+    joined = whole.joined
+    nowhere = np.broadcast_to(np.full((1, 3), np.nan), (files.n_points, 3))
+    cloud = PointCloud(nowhere, files.shift, source=files.name, unit=files.sources[0].unit)
+    normal, centroid = turn(joined.normal, -quarter), turn(joined.centroid, -quarter)
+    plain = Patches.unlabelled(cloud, np.zeros(0, np.int32), normal, centroid, parameters, report)
+    low, high = np.sort([turn(whole.low, -quarter), turn(whole.high, -quarter)], axis=0)
+    return PatchesOnDisk(**vars(plain), sizes=joined.n_points, low=low, high=high)
+
+
+def assess_map(
+    cut: TiledPatches,
+    settings: Configuration,
+    model: Model,
+    workers: Workers,
+    origin: Origin | None = None,
+    report: Report = report_nothing,
+) -> Result:
+    """Return what a model infers about the patches of a map.
+
+    Raises InputError if the model needs features that this release does not have.
+    """
+    features_by = feature_settings(model)
+    given = np.asarray(features_by.up if features_by.up is not None else cut.patches.parameters["up"], np.float64)
+    up = given / np.linalg.norm(given)
+    x, y, z = turn(up, cut.quarter).tolist()
+    features_by, most = features_by.replace(up=(x, y, z)), settings.tiles.tile_points
+    measuring = Measuring(cut.whole, cut.store, cut.tiling.boxes, features_by, workers, most)
+    parts = _reported(report, "measuring", measuring.features(cut.known), len(measuring.groups))
+    features = measuring.join(list(parts), up.tolist())
+    labelling = classify(features, model)
+    seen = Seen(None, {})
+    if cut.clock is not None and cut.stays:
+        stays = visits.join_stays(cut.stays)
+        visited = visits.visits_from(cut.clock, stays, np.zeros(0, np.int64), None)
+        bad = labelling.label == SUSPICIOUS
+        seen = Seen(visited, measuring.causes(features, bad, cut.clock, stays, visited))
+    terms = explain(features, model, labelling.label)
+    return Result(cut.patches, features, model, labelling, terms, origin or Origin(), seen)
+
+
+def _with_sources(patches: Patches, sources: Mapping[str, str]) -> Patches:
+    return replace(patches, report={**patches.report, "sources": dict(sources)})
+
+
+def result_pieces(
+    cut: TiledPatches, result: Result, report: Report = report_nothing
+) -> Iterator[tuple[int, PointCloud]]:
+    """Yield the points of the map in order, with the fields of a result, and the number of their file."""
+    label, probability, cause = result.labelling.label, result.labelling.probability, result.cause_codes()
+    begin = 0
+    for number, piece in _pieces(cut.files, report, "writing"):
+        patch = np.array(cut.patch[begin : begin + len(piece)])
+        begin += len(piece)
+        yield number, result_cloud(piece, patch, label, probability, cause)
 
 
 def _joined(one: Span | None, other: Span | None) -> Span | None:

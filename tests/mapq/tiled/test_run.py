@@ -15,7 +15,7 @@ from mapq.model import Model
 from mapq.results.result import assess
 from mapq.segmentation import segment
 from mapq.simulate.city import ORIGIN, PITCH, SIDES, make_block, plan_city, write_city
-from mapq.tiled.run import Job, classify_map
+from mapq.tiled.run import assess_map, classify_map, cut_map
 from mapq.tiled.source import open_map
 from prf.shell.cli.files import work_folder
 
@@ -138,9 +138,8 @@ def test_the_ground_spans_tiles_and_large_patches_are_thinned(town, model, monke
         monkeypatch.setattr("mapq.tiled.measure.LARGEST_PATCH", most)
         settings = Configuration(tiles=TileSettings(tile_points=N_POINTS // 9), segment=SegmentSettings(max_tilt=90.0))
         with work_folder(str(town)) as folder:
-            job = Job(open_map(str(town), AS_IT_IS), settings, map, folder)
-            job.cut()
-            found.append(job.assess(model))
+            cut = cut_map(open_map(str(town), AS_IT_IS), settings, map, folder)
+            found.append(assess_map(cut, settings, model, map))
     whole, thinned = found
     ground = int(np.argmax(whole.patches.counts))
     assert whole.patches.counts[ground] > 50_000
@@ -158,13 +157,12 @@ def test_points_far_from_all_others_are_left_out(town, tmp_path, four):
         fields = {"truth": np.append(np.uint8(0), cloud.fields["truth"])}
         write_cloud(tmp_path / path.name, PointCloud.from_world(world, fields))
     with work_folder(str(tmp_path)) as folder:
-        job = Job(
+        cut = cut_map(
             open_map(str(tmp_path), AS_IT_IS), Configuration(tiles=TileSettings(tile_points=N_POINTS // 4)), map, folder
         )
-        job.cut()
-    assert job.patches.report["points_far_outside"] == 4
-    assert job.patches.report["warnings"]
-    assert len(job.tiling.boxes) == 4
+    assert cut.patches.report["points_far_outside"] == 4
+    assert cut.patches.report["warnings"]
+    assert len(cut.tiling.boxes) == 4
     n_points = np.bincount(four[1].fields["patch"] + 1)[1:]
-    assert job.patches.counts.sum() == pytest.approx(n_points.sum(), rel=0.01)
-    np.testing.assert_allclose(job.patches.counts[:8], n_points[:8], rtol=0.02)
+    assert cut.patches.counts.sum() == pytest.approx(n_points.sum(), rel=0.01)
+    np.testing.assert_allclose(cut.patches.counts[:8], n_points[:8], rtol=0.02)

@@ -17,7 +17,7 @@ from mapq.model import Model
 from mapq.results.result import Result, assess
 from mapq.segmentation import segment
 from mapq.simulate import simulate
-from mapq.tiled.run import Job, classify_map
+from mapq.tiled.run import assess_map, classify_map, cut_map
 from mapq.tiled.source import open_map
 from prf.shell.cli.files import work_folder
 
@@ -48,9 +48,7 @@ def without(path: str, names: tuple[str, ...]) -> str:
 def in_tiles(path: str, n_tiles: int, model: Model) -> Result:
     settings = Configuration(tiles=TileSettings(tile_points=-(-len(read_cloud(path)) // n_tiles)))
     with work_folder(path) as folder:
-        job = Job(open_map(path, AS_IT_IS), settings, map, folder)
-        job.cut()
-        return job.assess(model)
+        return assess_map(cut_map(open_map(path, AS_IT_IS), settings, map, folder), settings, model, map)
 
 
 def assert_alike(found: Result, plain: Result) -> None:
