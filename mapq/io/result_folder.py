@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -61,7 +60,7 @@ def open_result_folder(path: str, options: ReadOptions = AS_IT_IS) -> ResultFold
         raise InputError(f"{path}: no LAS or LAZ tile beside {RESULT_JSON}. Run mapq classify again.")
     unit = stated_unit(Path(path, RESULT_JSON)) if options.unit is None else None
     if unit is not None and (unit == unit[0]).all():  # else it is that of the tiles' own reference system
-        options = replace(options, unit=float(unit[0]))
+        options = options.replace(unit=float(unit[0]))
     heads = tuple(read_las_head(tile, options) for tile in tiles)
     for tile, head in zip(tiles, heads, strict=True):
         missing = [name for name in RESULT_FIELDS if name not in head.fields]

@@ -93,7 +93,7 @@ def test_patches_hold_their_unit(capsys, tmp_path):
         assert (code, out) == (2, "")
         assert "holds its unit" in err
         code, _, err = call(capsys, verb, path, "--set", "cloud.topic=a")
-        assert (code, "Leave out --topic" in err) == (2, True)
+        assert (code, "Leave out cloud.topic" in err) == (2, True)
 
 
 def result_file(tmp_path) -> str:

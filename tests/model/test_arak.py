@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from scipy import integrate
 
+from prf.configuration import Prior
 from prf.kernels import arak_sampler
 from prf.model import arak
 from prf.model.arak import exact_draws
@@ -85,8 +86,8 @@ def test_fields_scale() -> None:
 def test_wrong_arguments_are_config_errors() -> None:
     rng = np.random.default_rng(1)
     for scale in (0.0, -1.0, math.nan, math.inf, 1e308):
-        with pytest.raises(ConfigError, match="scale"):
-            exact_draws(scale, UNIT, 1, rng)
+        with pytest.raises(ValueError, match="scale"):
+            Prior(scale=scale)
     with pytest.raises(ConfigError, match="draws"):
         exact_draws(1.0, UNIT, -1, rng)
     assert len(exact_draws(1.0, UNIT, 0, rng)) == 0

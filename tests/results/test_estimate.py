@@ -162,7 +162,7 @@ def test_no_draw_and_no_path_are_named() -> None:
         occupied_probability(empty, [[0.0, 0.0]])
     with pytest.raises(InputError, match="no draws"):
         path_free(empty, [[0.0, 0.0]], 0.1)
-    with pytest.raises(InputError, match="no point"):
+    with pytest.raises(InputError, match="at least one point"):
         path_free(random_draws(1, 2), [], 0.1)
 
 

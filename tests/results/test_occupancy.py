@@ -221,7 +221,7 @@ def test_paths_take_the_cells_that_the_disc_touches_as_independent(radius: float
 def test_questions_that_have_no_answer() -> None:
     grid = random_grid(1)
     assert math.isnan(path_free(grid, [[0.0, 3.0], [99.0, 3.0]], 0.1))
-    with pytest.raises(InputError, match="no point"):
+    with pytest.raises(InputError, match="at least one point"):
         path_free(grid, [], 0.1)
     with pytest.raises(UsageError, match="radius"):
         path_free(grid, [[0.0, 3.0]], math.nan)

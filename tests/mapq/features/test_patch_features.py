@@ -137,7 +137,7 @@ class TestSettings:
     def test_an_up_of_the_patches_that_is_none(self, up):
         patches = make_patches([np.zeros((3, 3))], [Y])
         patches.parameters["up"] = up  # type: ignore[index] # a dict of our own making
-        with pytest.raises(InputError, match="no direction"):
+        with pytest.raises(InputError, match="must be three numbers, not all 0"):
             patch_features(patches)
 
     def test_used_features_are_returned(self, street):

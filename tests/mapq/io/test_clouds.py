@@ -65,13 +65,15 @@ def test_units(text, metres):
     assert parse_unit(text) == metres
 
 
-@pytest.mark.parametrize("text", ["", "yard", "0", "-1", "nan", "inf"])
+@pytest.mark.parametrize("text", ["", "yard"])
 def test_what_is_no_unit(text):
     with pytest.raises(ValueError, match=r"must be one of m, cm, mm, ft, us-ft"):
         parse_unit(text)
 
 
-@pytest.mark.parametrize("options", [{"unit": 0.0}, {"unit": float("nan")}, {"bin_columns": 5}])
+@pytest.mark.parametrize(
+    "options", [{"unit": 0.0}, {"unit": -1.0}, {"unit": float("inf")}, {"unit": float("nan")}, {"bin_columns": 5}]
+)
 def test_options_outside_their_domain(options):
     with pytest.raises(UsageError):
         ReadOptions(**options)

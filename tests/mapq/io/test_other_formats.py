@@ -72,7 +72,7 @@ def test_content_that_shows_nothing_is_read_as_given(tmp_path):
 
 def test_bytes_that_are_no_coordinates(tmp_path):
     for data in (np.arange(4000, dtype="<i4").tobytes(), b"any text at all." * 100, bytes(range(256)) * 12):
-        assert "no .bin of KITTI" in refusal(read_cloud, save(tmp_path, "0.bin", data))
+        assert "as in a .bin of KITTI" in refusal(read_cloud, save(tmp_path, "0.bin", data))
     assert len(read_cloud(save(tmp_path, "0.bin", bytes(32)))) == 2
 
 

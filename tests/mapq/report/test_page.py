@@ -196,7 +196,7 @@ def test_a_damaged_json_is_refused(tmp_path, key, value):
 def test_clouds_and_streams_are_no_results(tmp_path):
     path = tmp_path / "c.ply"
     write_ply(path, draw_patches(1).cloud)
-    with pytest.raises(InputError, match="no result"):
+    with pytest.raises(InputError, match="expected a result"):
         read_findings(str(path))
     with pytest.raises(UsageError, match="standard input"):
         read_findings("-")

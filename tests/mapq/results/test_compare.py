@@ -66,7 +66,7 @@ def test_maps_of_different_places_are_refused(maps):
     far = maps[0]._replace(xyz=maps[0].xyz + 1000.0)
     with pytest.raises(InputError, match="share no cell of 5 m"):
         compare_maps(maps[0], far, 5.0)
-    with pytest.raises(UsageError, match="no length"):
+    with pytest.raises(UsageError, match="must be a length in metres above 0"):
         compare_maps(*maps, 0.0)
 
 

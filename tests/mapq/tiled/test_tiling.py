@@ -77,7 +77,7 @@ def wall(x: float, offset: float = 0.0, n: int = 300) -> np.ndarray:
 def joined(pieces: list[np.ndarray], pairs: list[tuple[int, int]]) -> list[int]:
     """Return the patch of each piece, one a tile."""
     points = sort_points(PointCloud(np.concatenate(pieces), np.zeros(3)))
-    chosen = choose_parameters(points, SegmentSettings(noise=0.01))
+    chosen = choose_parameters(points, SegmentSettings(noise=0.01), 0)
     tiles = []
     for place, piece in enumerate(pieces):
         origin, sums = np.zeros((1, 3)), np.empty((1, MOMENTS))
