@@ -6,6 +6,7 @@ Nothing of the packages is imported, so that `make check` has the answer in seco
 from __future__ import annotations
 
 import ast
+from collections import defaultdict
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
@@ -100,6 +101,16 @@ def circles(graph: Graph) -> list[list[str]]:
     return found
 
 
+def class_names(package: str) -> dict[str, list[str]]:
+    """Return the modules that define a class of each name."""
+    found = defaultdict(list)
+    for name, (_, tree) in modules(package).items():
+        for node in ast.walk(tree):
+            if isinstance(node, ast.ClassDef):
+                found[node.name].append(name)
+    return found
+
+
 def function_lines(node: ast.FunctionDef | ast.AsyncFunctionDef) -> int:
     """Return the lines of a function without its docstring."""
     first = node.body[0]
@@ -132,6 +143,11 @@ def test_no_modules_import_each_other_in_a_circle(package: str) -> None:
 def test_a_circle_is_found() -> None:
     graph = {"a": {"b"}, "b": {"c"}, "c": {"b", "d"}, "d": set()}
     assert circles(graph) == [["b", "c"]]
+
+
+@package_by_package
+def test_the_name_of_a_class_is_used_once(package: str) -> None:
+    assert {name: homes for name, homes in class_names(package).items() if len(homes) > 1} == {}
 
 
 @pytest.mark.parametrize("folder", SOURCES)

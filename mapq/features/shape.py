@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapq.configuration import FeatureSettings
-from mapq.kernels.box_trees import Trees, make_boxes
+from mapq.kernels.box_trees import BoxTrees, make_boxes
 from mapq.kernels.occupied_area import occupied_areas, occupied_cells
 from mapq.kernels.order_statistics import quantiles
 from mapq.kernels.planes import Planes
@@ -94,9 +94,9 @@ class PatchShapes:
         return rank
 
     @cached_property
-    def trees(self) -> Trees:
+    def trees(self) -> BoxTrees:
         """Boxes over the points."""
-        return Trees(self.points, self.start, *make_boxes(self.points, self.start))
+        return BoxTrees(self.points, self.start, *make_boxes(self.points, self.start))
 
     @cached_property
     def planes(self) -> Planes:

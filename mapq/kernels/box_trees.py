@@ -10,7 +10,7 @@ LEAF = 16
 """Points of a leaf: below this the boxes cost more than the distances that they save."""
 
 
-class Trees(NamedTuple):
+class BoxTrees(NamedTuple):
     """The points of all patches, patch after patch, and the boxes over them (see :func:`make_boxes`)."""
 
     points: Floats
@@ -118,7 +118,7 @@ def box_size(low: Floats, high: Floats, node: int) -> float:
 
 
 @part
-def closest_points(trees: Trees, i: int, j: int, bound: float, best: Floats, stack: Ints) -> float:
+def closest_points(trees: BoxTrees, i: int, j: int, bound: float, best: Floats, stack: Ints) -> float:
     """Squared distance of the closest points of patches i and j if within `bound`, their middle in `best` (else nan).
 
     Walks both trees at once, nearer halves first, and leaves out what lies farther apart than the best so far.
@@ -167,7 +167,7 @@ def insert(nearest: Floats, i: int, value: float) -> None:
 
 
 @jit
-def closest_patches(trees: Trees, pairs: Ints, nearest: Floats) -> tuple[Floats, Floats]:
+def closest_patches(trees: BoxTrees, pairs: Ints, nearest: Floats) -> tuple[Floats, Floats]:
     """Distance (n,) and middle (n, 3) of the closest points of each pair, nan where it cannot matter.
 
     nearest: squared distances (m, k) of the k closest of each patch among all pairs so far, ascending, filled up with

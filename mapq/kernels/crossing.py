@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mapq.kernels._jit import Floats, Ints, jit, part
-from mapq.kernels.box_trees import Trees
+from mapq.kernels.box_trees import BoxTrees
 from mapq.kernels.order_statistics import quantile
 from mapq.kernels.planes import Planes, cross, dot, dot_from, normalise
 
@@ -34,7 +34,7 @@ class CutLine(NamedTuple):
 
 
 @part
-def line_places(trees: Trees, planes: Planes, cut: CutLine, side: int) -> int:
+def line_places(trees: BoxTrees, planes: Planes, cut: CutLine, side: int) -> int:
     """Place of each point of one patch of a pair in its plane: t across the line of the cut, s along; how many.
 
     Across, it is the point's height over the other plane once put on its own, over the sine of their angle.
@@ -92,7 +92,7 @@ def count_beside(
 
 @part
 def crossed_share(
-    trees: Trees, planes: Planes, cut: CutLine, low: float, high: float, slack: float, step: float, reach: Floats
+    trees: BoxTrees, planes: Planes, cut: CutLine, low: float, high: float, slack: float, step: float, reach: Floats
 ) -> float:
     """Share of the stretch of the line (low, high) in whose steps both patches have points beside it, on both sides.
 
@@ -113,7 +113,7 @@ def crossed_share(
 
 
 @part
-def crossing(trees: Trees, planes: Planes, cut: CutLine, spacing: float, cell: float, beyond: float) -> float:
+def crossing(trees: BoxTrees, planes: Planes, cut: CutLine, spacing: float, cell: float, beyond: float) -> float:
     """R of one pair: the smaller edge ratio of both, over the stretch of the line along which both lie.
 
     First each patch as a whole, which settles most pairs, then the part of it along the common stretch; the patch with
@@ -144,7 +144,7 @@ def crossing(trees: Trees, planes: Planes, cut: CutLine, spacing: float, cell: f
 
 
 @jit
-def crossings(trees: Trees, planes: Planes, pairs: Ints, spacing: Floats, cell: Floats, beyond: float) -> Floats:
+def crossings(trees: BoxTrees, planes: Planes, pairs: Ints, spacing: Floats, cell: Floats, beyond: float) -> Floats:
     """R (n,) of each pair: 1 where the patches cross in their middles, 0 at an edge of either, or if they do not.
 
     Each must reach beyond the plane of the other by the distance `beyond`, on both sides: less than that noise, or a
