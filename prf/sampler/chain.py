@@ -164,6 +164,10 @@ class Record:
 class BestMap(Record):
     """The map of highest density over its lines (:mod:`prf.sampler.anneal`) among the draws, none of which is kept."""
 
+    def next_stop(self, step: int) -> int:
+        """Return the next step after `step` at which there is something to record; there are no epochs to begin."""
+        return step - step % self.thin + self.thin
+
     def take(self, chain: Chain, poses: PoseTurns | None = None) -> None:
         """Keep the present map if it is the best."""
         graph, scale = chain.graph, float(chain.density[c.SCALE])
