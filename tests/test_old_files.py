@@ -120,7 +120,7 @@ def test_an_old_result_is_read_compared_and_reported(file, old, capsys):
     ("file", "words"),
     [
         ("model-9d16515.json", "version 1 of mapq.model"),
-        ("model-39f3d5a.json", "version 2 of mapq.model is unknown"),
+        ("model-39f3d5a.json", "version 2 of mapq.model is not known"),
     ],
 )
 def test_an_old_model_is_refused_in_one_line(file, words, old, capsys):

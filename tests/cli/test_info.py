@@ -148,7 +148,7 @@ def test_a_damaged_file_is_shown_and_fails(folder: Path, capsys: pytest.CaptureF
 def test_an_unknown_version_is_refused(folder: Path, capsys: pytest.CaptureFixture) -> None:
     (folder / "manifest.json").write_text('{"schema": "prf.run/7"}')
     assert prf("inspect", str(folder)) == 3
-    assert "version 7 of prf.run is unknown" in capsys.readouterr().err
+    assert "version 7 of prf.run is not known" in capsys.readouterr().err
 
 
 def test_files_of_other_versions(folder: Path, capsys: pytest.CaptureFixture) -> None:
@@ -165,7 +165,7 @@ def test_files_of_other_versions(folder: Path, capsys: pytest.CaptureFixture) ->
     assert shown.err.strip().endswith("other version: draws.npz.")
     files = {file["name"]: file for file in json.loads(shown.out)["files"]}
     assert (files["draws.npz"]["state"], files["draws.npz"]["schema"]) == ("other version", "prf.draws/9")
-    assert "version 9 of prf.draws is unknown" in files["draws.npz"]["summary"]
+    assert "version 9 of prf.draws is not known" in files["draws.npz"]["summary"]
 
 
 def inspected(path: Path, capsys: pytest.CaptureFixture) -> dict[str, Any]:

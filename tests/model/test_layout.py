@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-import prf.sampler.target
+import prf.sampler.state
 from prf.kernels import constants as c
 from prf.kernels.state.chain import Chain
 from prf.kernels.step import run
@@ -92,8 +92,8 @@ def test_a_chain_short_of_room_does_as_one_with_plenty(world: World, monkeypatch
     """Bit for bit: when an array grows depends on chance, so it must leave no trace."""
     results = []
     for capacity, room in ((4096, 256), (2 * c.MOST_CHANGES, c.MOST_CHANGES)):
-        monkeypatch.setattr(prf.sampler.target, "FIRST_CAPACITY", capacity)
-        monkeypatch.setattr(prf.sampler.target, "FIRST_CELL_ROOM", room)
+        monkeypatch.setattr(prf.sampler.state, "FIRST_CAPACITY", capacity)
+        monkeypatch.setattr(prf.sampler.state, "FIRST_CELL_ROOM", room)
         rng = np.random.default_rng(5)
         chain, n_grown = run_grown(start_chain(world, from_truth=False), rng, 20_000, 200)
         results.append((digest(chain, rng), n_grown))
@@ -102,8 +102,8 @@ def test_a_chain_short_of_room_does_as_one_with_plenty(world: World, monkeypatch
 
 
 def test_a_chain_of_many_edges_grows_from_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(prf.sampler.target, "FIRST_CAPACITY", 1)
-    monkeypatch.setattr(prf.sampler.target, "FIRST_CELL_ROOM", c.MOST_CHANGES)
+    monkeypatch.setattr(prf.sampler.state, "FIRST_CAPACITY", 1)
+    monkeypatch.setattr(prf.sampler.state, "FIRST_CELL_ROOM", c.MOST_CHANGES)
     chain = make_chain(Target(ROOM, 1.0, execution=Execution(resolution=1.0)), Coloring.empty(ROOM))
     chain, n_grown = run_grown(chain, np.random.default_rng(6), 120_000, 10_000)
     assert chain.graph.counts[c.EDGES] > 300

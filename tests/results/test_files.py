@@ -218,7 +218,7 @@ def test_a_truncated_file_is_named(folder: Path, moved: Run, name: str) -> None:
 def test_unknown_versions_are_refused(folder: Path) -> None:
     manifest = json.loads((folder / "manifest.json").read_text())
     (folder / "manifest.json").write_text(json.dumps({**manifest, "schema": "prf.run/2"}))
-    with pytest.raises(InputError, match=r"manifest.json: version 2 of prf.run is unknown.*reads version 1"):
+    with pytest.raises(InputError, match=r"manifest.json: version 2 of prf.run is not known.*reads version 1"):
         read_run(folder)
 
 

@@ -45,7 +45,7 @@ def moved(case: Case, there: Callable[[Floats], Floats], turned: Callable[[Float
     assert target.execution.resolution is not None
     corners = there(np.array([target.window[:2], target.window[2:]]))
     window = Window(*corners.min(axis=0).tolist(), *corners.max(axis=0).tolist())
-    model = replace(data.model, max_range=unit * data.model.max_range, noise=unit * data.model.noise)
+    model = data.model.replace(max_range=unit * data.model.max_range, noise=unit * data.model.noise)
     laser = laser_data(there(data.readings.origin), turned(data.readings.angle), unit * data.readings.range, model)
     resolution = unit * target.execution.resolution
     return Case(

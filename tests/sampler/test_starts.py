@@ -171,9 +171,8 @@ class TestAnneal:
 
     def test_it_beats_what_sampling_meets(self, annealed_target: Target, annealed: Annealed) -> None:
         """The negative control: the same steps without cooling."""
-        warm = anneal(
-            annealed_target, spawn_generators(1, 3), StopRule(STEPS), Cooling(warm=0.999, polish=0.0), threads=2
-        )
+        hot = Cooling(warm=0.999, polish=0.0)
+        warm = anneal(annealed_target, spawn_generators(1, 3), StopRule(STEPS), cooling=hot)
         assert warm.score < annealed.score
 
     def test_threads_change_nothing(self, annealed_target: Target) -> None:

@@ -14,6 +14,7 @@ import pytest
 from prf.model.arak import exact_draws
 from prf.model.coloring import Draws, black_at_draws
 from prf.model.layout import read_coloring
+from prf.model.points import log_density
 from prf.model.window import Window
 from prf.sampler.state import make_chain, run_chain
 from prf.sampler.target import PointData, Target, one_colour_map, point_data
@@ -53,7 +54,7 @@ def functionals(draws: Draws, data: PointData) -> tuple[Floats, Floats]:
     """What is compared, (n, n_functionals), and the log likelihood of each draw (n,)."""
     probes = np.random.default_rng([SEED, 1]).uniform(0.0, 1.0, (3, 2))
     black = black_at_draws(draws, np.concatenate([data.readings.xy, probes]))
-    density = data.model.log_density(data.readings.value)
+    density = log_density(data.model, data.readings.value)
     log_likelihood = np.where(black[:, : len(data.readings.xy)], density[:, 1], density[:, 0]).sum(axis=1)
     edges, anchor = draws.n_edges, draws.anchor_black
     walls = [edges, draws.total_length(), (edges == 0) & anchor, (edges == 0) & ~anchor]

@@ -66,7 +66,7 @@ def test_the_file_is_readable(tmp_path):
 @pytest.mark.parametrize(
     ("place", "value", "message"),
     [
-        ("schema", "mapq.model/1", "version 1 of mapq.model is unknown"),
+        ("schema", "mapq.model/1", "version 1 of mapq.model is not known"),
         ("schema", "mapq.result/1", "schema mapq.result/1, expected"),
         ("edge_model", "potts", "edge_model is not one of"),
         ("calibration.kind", "warm", "calibration.kind is 'warm', not temperature, platt, isotonic"),

@@ -72,7 +72,7 @@ def change(path, **replaced) -> str:
 @pytest.mark.parametrize(
     ("replaced", "line"),
     [
-        ({"schema": "mapq.patches/2"}, "version 2 of mapq.patches is unknown"),
+        ({"schema": "mapq.patches/2"}, "version 2 of mapq.patches is not known"),
         ({"schema": "mapq.model/1"}, "schema mapq.model/1, expected mapq.patches/1"),
         ({"schema": None}, "no schema"),
         ({"xyz": None}, "array xyz is missing"),
@@ -342,7 +342,7 @@ def test_a_file_that_was_cut_off_is_refused(tmp_path, cut):
 def test_what_is_no_result_is_refused(tmp_path):
     path = save_results(tmp_path / "r.json")
     path.write_text(path.read_text().replace(SCHEMA, "mapq.result/7"))
-    with pytest.raises(InputError, match=r"version 7 of .* is unknown"):
+    with pytest.raises(InputError, match=r"version 7 of .* is not known"):
         read_result_json(path)
     path.write_text(json.dumps({"schema": SCHEMA}))
     with pytest.raises(InputError, match="'patches' is missing"):
