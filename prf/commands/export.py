@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterator
-from enum import StrEnum
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -24,15 +23,8 @@ EXAMPLES = (
 )
 
 
-class Format(StrEnum):
-    """What to write."""
-
-    geojson = "geojson"
-    ros_map = "ros-map"
-    svg = "svg"
-    dxf = "dxf"
-    netcdf = "netcdf"
-    tum = "tum"
+Format = Literal["geojson", "ros-map", "svg", "dxf", "netcdf", "tum"]
+"""What to write."""
 
 
 def export(

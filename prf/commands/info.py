@@ -79,15 +79,15 @@ def _tell_points(file: str, json: bool) -> None:
 
     found = describe_points(read_point_data(file))
     if json:
-        storage.emit_object("prf.info.points/1", found._asdict())
+        storage.emit_object("prf.info.points/1", found)
         return
-    x0, y0, x1, y1 = found.extent
+    x0, y0, x1, y1 = found["extent"]
     rows = {
-        "points": f"{found.source}",
-        "observations": f"{found.n_points} at {found.n_places} places",
+        "points": f"{found['source']}",
+        "observations": f"{found['n_points']} at {found['n_places']} places",
         "extent": f"{x1 - x0:.4g} x {y1 - y0:.4g} m, x {x0:.4g} to {x1:.4g}, y {y0:.4g} to {y1:.4g}",
-        "values": f"{found.lowest:.4g} to {found.highest:.4g}, mean {found.mean:.4g}",
-        "kind": f"{found.kind}, unless given",
+        "values": f"{found['lowest']:.4g} to {found['highest']:.4g}, mean {found['mean']:.4g}",
+        "kind": f"{found['kind']}, unless given",
     }
     for name, value in rows.items():
         console.emit(f"{name:<16}{value}")

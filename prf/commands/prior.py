@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
-from typing import TYPE_CHECKING, Annotated
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -13,7 +13,6 @@ from prf.shell.cli.options import Force, Json, Output, Seed
 from prf.shell.cli.settings import Loaded
 
 if TYPE_CHECKING:
-    from prf.model.arak import Comparison
     from prf.model.coloring import Draws
     from prf.model.window import Window
 
@@ -24,11 +23,8 @@ EXAMPLES = (
 )
 
 
-class Method(StrEnum):
-    """How to draw."""
-
-    exact = "exact"
-    mcmc = "mcmc"
+Method = Literal["exact", "mcmc"]
+"""How to draw."""
 
 
 @with_settings(Configuration, "prior", shown={"prior.window": "must be given"})
@@ -38,7 +34,7 @@ def prior(
     method: Annotated[
         Method,
         typer.Option("--method", help="Independent draws by the particle system, or the sampler without readings."),
-    ] = Method.exact,
+    ] = "exact",
     thin: Annotated[
         int | None,
         typer.Option("--thin", metavar="STEPS", min=1, help="Steps of the chain from draw to draw; chosen if absent."),
@@ -67,7 +63,7 @@ def prior(
     scale, window = settings.settings.prior.scale, settings.settings.prior.window
     if window is None:
         raise UsageError("prf prior has no readings to choose a window by: give --window X0 Y0 X1 Y1.")
-    if thin is not None and method is Method.exact:
+    if thin is not None and method == "exact":
         raise UsageError("--thin is for --method mcmc: exact draws are independent.")
     if output is not None:
         claim_output(output, force, suffixes=(".geojsonl", ".geojson", ".txt"), json=json)
@@ -79,13 +75,13 @@ def prior(
     comparison = compare(drawn, scale)
     if json:
         made = {
-            "method": method.value,
+            "method": method,
             "scale": scale,
             "window": list(window),
             "seed": used_seed,
             "thin": used_thin,
         }
-        storage.emit_object("prf.prior/1", {**made, **comparison._asdict(), "output": output})
+        storage.emit_object("prf.prior/1", {**made, **comparison, "output": output})
         return
     say = say_beside(output)
     for line in (*_lines(comparison, used_seed, used_thin), *([f"wrote       {output}"] if output else ())):
@@ -96,7 +92,7 @@ def _draw(
     method: Method, scale: float, window: Window, n_draws: int, thin: int | None, seed: int
 ) -> tuple[Draws, int | None]:
     """Return the draws, and the steps between two draws of the chain (None for exact draws)."""
-    if method is Method.exact:
+    if method == "exact":
         from prf.model.arak import exact_draws
         from prf.shell.cli.provenance import spawn_generators
 
@@ -106,12 +102,12 @@ def _draw(
     return mcmc_draws(scale, window, n_draws, thin, seed)
 
 
-def _lines(comparison: Comparison, seed: int, thin: int | None) -> list[str]:
+def _lines(comparison: Mapping[str, float], seed: int, thin: int | None) -> list[str]:
     """Return the table for a person."""
     return [
-        f"draws       {comparison.n_draws}",
-        f"edges       mean {comparison.mean_edges:.4f}, by the exact law {comparison.expected_edges:.4f}",
-        f"length      mean {comparison.mean_length:.4f} m, by the exact law {comparison.expected_length:.4f} m",
+        f"draws       {comparison['n_draws']}",
+        f"edges       mean {comparison['mean_edges']:.4f}, by the exact law {comparison['expected_edges']:.4f}",
+        f"length      mean {comparison['mean_length']:.4f} m, by the exact law {comparison['expected_length']:.4f} m",
         f"seed        {seed}",
         f"thin        {'independent draws' if thin is None else f'{thin} steps from draw to draw'}",
     ]

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import logging
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -25,14 +24,8 @@ EXAMPLES = (
 )
 
 
-class What(StrEnum):
-    """What of a run to draw."""
-
-    posterior = "posterior"
-    squares = "squares"
-    best = "best"
-    draws = "draws"
-    beams = "beams"
+What = Literal["posterior", "squares", "best", "draws", "beams"]
+"""What of a run to draw."""
 
 
 def render(
@@ -46,7 +39,7 @@ def render(
             "--what",
             help="Of a run: probability that points are occupied, or squares not free; best map; some draws; readings.",
         ),
-    ] = What.posterior,
+    ] = "posterior",
     draws: Annotated[
         int | None, typer.Option("--draws", metavar="N", min=1, help="How many draws; of several DRAWS, of each.")
     ] = None,
@@ -75,7 +68,7 @@ def render(
     is_run, is_grid = Path(inputs[0]).is_dir(), _is_grid(inputs[0])
     if (is_run or is_grid) and len(inputs) > 1:
         raise UsageError("one RUN or GRID gives one picture; only DRAWS go side by side.")
-    if is_grid and (what is not What.posterior or draws or outline or path):
+    if is_grid and (what != "posterior" or draws or outline or path):
         raise UsageError("a GRID has cells only: leave --what, --draws, --outline and --path out.")
     name = Path(inputs[0]).resolve().name + f"-{what}" if is_run else Path(inputs[0]).stem
     target = output or f"{'draws' if inputs[0] == STREAM else name}.png"
@@ -104,17 +97,17 @@ def _render_run(
     from prf.output.run import read_run
 
     run = read_run(source)
-    if what is What.best:
+    if what == "best":
         render.render_best(run, target, path=bool(path), title=title)
-    elif what is What.draws:
+    elif what == "draws":
         render.render_draws(run, target, n_draws=n_draws, title=title)
-    elif what is What.beams:
+    elif what == "beams":
         render.render_beams(run, target, outline=bool(outline), path=path is not False, title=title)
     else:
         render.render_posterior(
             run,
             target,
-            squares=what is What.squares,
+            squares=what == "squares",
             outline=outline is not False,
             path=path is not False,
             title=title,

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 import sys
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,25 +21,15 @@ MAX_EDGES = 1e8
 """Of all draws of a call: gigabytes."""
 
 
-class Comparison(NamedTuple):
-    """Sample means of draws beside the exact laws; lengths in metres."""
-
-    n_draws: int
-    mean_edges: float
-    expected_edges: float
-    mean_length: float
-    expected_length: float
-
-
-def compare(draws: Draws, scale: float) -> Comparison:
-    """Return the means of edge count and total length over one or more draws, beside their exact values."""
-    return Comparison(
-        len(draws),
-        float(draws.n_edges.mean()),
-        expected_edges(scale, draws.window),
-        float(draws.total_length().mean()),
-        expected_length(scale, draws.window),
-    )
+def compare(draws: Draws, scale: float) -> dict[str, float]:
+    """Return the means of edge count and total length (m) over one or more draws, beside their exact values."""
+    return {
+        "n_draws": len(draws),
+        "mean_edges": float(draws.n_edges.mean()),
+        "expected_edges": expected_edges(scale, draws.window),
+        "mean_length": float(draws.total_length().mean()),
+        "expected_length": expected_length(scale, draws.window),
+    }
 
 
 def expected_edges(scale: float, window: Window) -> float:

@@ -40,8 +40,8 @@ def follow(scans: WallPoints, prior: PosePrior) -> tuple[Floats, Relations]:
         if len(own) and len(seen):
             place = place_of(seen, local[np.concatenate([parts[k].owner for k in before]), :2], REACH)
             window = np.maximum(LEAST, SIGMAS * prior.spread[state - 1])
-            best = search(place, own, about, window, information)[0].pose
-            about, information = _refined(best, own, seen, normal, about, information)
+            ways, _ = search(place, own, about, window, information)
+            about, information = _refined(ways[0][0], own, seen, normal, about, information)
         poses[state] = compose(poses[state - 1], about)
         known[state - 1] = information
     tail = np.arange(len(poses) - 1)

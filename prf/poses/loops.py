@@ -147,14 +147,15 @@ class _Covariances:
 def _matches(tail: _Piece, head: _Piece, poses: Floats, window: Floats, spread: Floats) -> list[LoopMatch]:
     """Return the plausible ways that a piece lies on an earlier one, the best first, which may be used."""
     about = seen_from(poses[tail.anchor], poses[head.anchor])
+    ways, covariance = search(tail.place, head.point, about, window)
     found = []
-    for k, match in enumerate(search(tail.place, head.point, about, window)):
-        error = match.pose - about
+    for k, (pose, score) in enumerate(ways):
+        error = pose - about
         error[2] = wrapped(error[2])
-        distance = error @ np.linalg.solve(spread + match.covariance, error)
-        is_used = k == 0 and match.score >= GOOD and distance < FAR_OFF
-        if match.score >= PLAUSIBLE:
-            found.append(LoopMatch(tail.anchor, head.anchor, match.pose, match.covariance, match.score, bool(is_used)))
+        distance = error @ np.linalg.solve(spread + covariance, error)
+        is_used = k == 0 and score >= GOOD and distance < FAR_OFF
+        if score >= PLAUSIBLE:
+            found.append(LoopMatch(tail.anchor, head.anchor, pose, covariance, score, bool(is_used)))
     return found
 
 

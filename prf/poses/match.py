@@ -24,14 +24,6 @@ PEAKS = 4  # places kept for alternatives
 FLOOR = np.array([0.05, 0.05, 0.01])  # standard deviations (m, m, rad) of a match at least
 
 
-class Match(NamedTuple):
-    """One way to lay points on a place."""
-
-    pose: Floats  # (3,) of the points' frame in that of the place
-    score: float  # from FREE to 1: mean over points of how well each fits
-    covariance: Floats  # (3, 3) of the pose, in the frame of the place
-
-
 class Place(NamedTuple):
     """What was seen of a place, in a frame of its own: 1 on what returned beams, FREE where beams passed."""
 
@@ -61,8 +53,13 @@ def _marked(xy: Floats, corner: Floats, n: int) -> NDArray[np.bool_]:
     return marked
 
 
-def search(place: Place, point: Floats, about: Floats, window: Floats, prior: Floats | None = None) -> list[Match]:
-    """Return the best ways to lay points (n, 2) on a place, the best first.
+def search(
+    place: Place, point: Floats, about: Floats, window: Floats, prior: Floats | None = None
+) -> tuple[list[tuple[Floats, float]], Floats]:
+    """Return the best ways to lay points (n, 2) on a place, the best first, and the covariance (3, 3) of each.
+
+    Of each way the pose (3,) of the points' frame in that of the place, and its score, from FREE to 1: the mean over
+    points of how well each fits.
 
     Searched are poses within `window` (3,) of `about` (3,): x, y in metres and turn in radians, in the place's frame.
     `prior` (3, 3): information of `about`, the deviation from which is then part of the score.
@@ -82,8 +79,8 @@ def search(place: Place, point: Floats, about: Floats, window: Floats, prior: Fl
         total = fine.score if prior is None else fine.score - _cost(fine, about, prior)
         k = np.unravel_index(int(np.argmax(total)), total.shape)
         pose = np.array([fine.x[k[2]], fine.y[k[1]], fine.turn[k[0]]])
-        found.append(Match(pose, float(total[k]), spread))
-    return sorted(found, key=lambda match: -match.score)
+        found.append((pose, float(total[k])))
+    return sorted(found, key=lambda way: -way[1]), spread
 
 
 class _Volume(NamedTuple):

@@ -81,10 +81,10 @@ def read_bag(
         if on_robot:
             fixed = _robot_frame(tree, sensor, frame, source)
         elif frame is not None:
-            fixed = frame if frame in bag.topics else frame_name(frame)
+            fixed = frame if frame in bag.types else frame_name(frame)
         else:
             fixed, warning = _best_frame(tree, bag, sensor)
-        if not on_robot and fixed in bag.topics and bag.topics[fixed].type in POSES:
+        if not on_robot and bag.types.get(fixed) in POSES:
             _add_poses(tree, bag, fixed, sensor)
         scans, remarks = _place(raws, tree, bag, fixed)
         remarks += _infrared(bag, kind, topics)
@@ -92,7 +92,7 @@ def read_bag(
             format=bag.format,
             sensor_max=max((raw.top for raw in raws if raw.no_return), default=np.nan),
             poses=fixed if on_robot else f"{_how(fixed, bag)}, interpolated in time",
-            lines={name: found.n_messages for name, found in bag.topics.items() if name not in topics},
+            lines={name: count for name, count in bag.counts.items() if name not in topics},
             remarks=tuple(remarks),
             warnings=(warning,) if warning else (),
         )
@@ -160,7 +160,7 @@ def _best_frame(tree: FrameTree, bag: Bag, sensor: str) -> tuple[str, str]:
     for topic in bag.of_type(*POSES):
         if not any(word in topic for word in NO_POSES):
             parent = frame_name(next(bag.messages([topic])).body.header.frame_id)
-            is_odometry = bag.topics[topic].type == ODOMETRY or "odom" in parent
+            is_odometry = bag.types[topic] == ODOMETRY or "odom" in parent
             found.append((0 if parent == FIXED else 1 if TRUTH in topic else 4 if is_odometry else 1, topic))
     if not found:
         return FIXED, ""
@@ -193,7 +193,7 @@ def _add_poses(tree: FrameTree, bag: Bag, topic: str, sensor: str) -> None:
         body = message.body
         pose = getattr(body.pose, "pose", body.pose)
         child = child or frame_name(getattr(body, "child_frame_id", ""))
-        if not child and bag.topics[topic].type == ODOMETRY:
+        if not child and bag.types[topic] == ODOMETRY:
             child = _moving_frame(tree, frame_name(body.header.frame_id), sensor)
         child = child or _robot_frame(tree, sensor, None, bag.source)
         time = seconds(body.header.stamp, message.received)
@@ -261,4 +261,4 @@ def _infrared(bag: Bag, kind: Kind, topics: list[str]) -> list[str]:
 
 
 def _how(fixed: str, bag: Bag) -> str:
-    return f"messages of {fixed}" if fixed in bag.topics else f"tf from {fixed}"
+    return f"messages of {fixed}" if fixed in bag.types else f"tf from {fixed}"

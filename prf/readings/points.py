@@ -6,7 +6,7 @@ import csv
 import io
 import math
 import os
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,35 +56,20 @@ class PointTable(NamedTuple):
             )
 
 
-class PointSummary(NamedTuple):
-    """What is in a file of point observations."""
-
-    source: str
-    # n_points, n_places: observations, and different places
-    n_points: int
-    n_places: int
-    extent: tuple[float, float, float, float]  # x_min, y_min, x_max, y_max of the places, metres
-    kind: str  # what `prf sample` takes them for by default
-    # lowest, highest, mean: of the values
-    lowest: float
-    highest: float
-    mean: float
-
-
-def describe_points(table: PointTable) -> PointSummary:
-    """Return what is in a file of point observations."""
+def describe_points(table: PointTable) -> dict[str, Any]:
+    """Return what is in a file of point observations, and what `prf sample` takes them for by default."""
     x, y = table.xy.T
     value = table.value
-    return PointSummary(
-        source=table.source,
-        n_points=len(value),
-        n_places=len(np.unique(table.xy, axis=0)),
-        extent=(float(x.min()), float(y.min()), float(x.max()), float(y.max())),
-        kind="binary" if np.isin(value, (0.0, 1.0)).all() else "gaussian",
-        lowest=float(value.min()),
-        highest=float(value.max()),
-        mean=float(value.mean()),
-    )
+    return {
+        "source": table.source,
+        "n_points": len(value),
+        "n_places": len(np.unique(table.xy, axis=0)),
+        "extent": (float(x.min()), float(y.min()), float(x.max()), float(y.max())),  # of the places, metres
+        "kind": "binary" if np.isin(value, (0.0, 1.0)).all() else "gaussian",
+        "lowest": float(value.min()),
+        "highest": float(value.max()),
+        "mean": float(value.mean()),
+    }
 
 
 def read_point_data(path: str | os.PathLike[str]) -> PointTable:

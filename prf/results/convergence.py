@@ -132,28 +132,26 @@ def verdict(diagnoses: Mapping[str, Diagnosis]) -> Verdict:
     return Verdict(found.agrees(), worst, f"{worst}: {found.describe()}{where}", found.agrees() or not found.seen)
 
 
-class Outlook(NamedTuple):
-    """Whether more time will bring agreement."""
-
-    trend: Trend  # "agree", or the chains come nearer ("nearing") or do not ("flat"), or that is unknown ("unknown")
-    seconds: float | None  # more of them that it needs, if they come nearer
-
-
-def outlook(half: Mapping[str, Diagnosis], now: Mapping[str, Diagnosis], seconds: float, climbs: bool) -> Outlook:
+def outlook(
+    half: Mapping[str, Diagnosis], now: Mapping[str, Diagnosis], seconds: float, climbs: bool
+) -> tuple[Trend, float | None]:
     """Return whether more time will bring agreement, from the diagnoses after half of the steps and now.
+
+    "agree", or the chains come nearer ("nearing") or do not ("flat"), or that is unknown ("unknown"); and how many more
+    seconds it needs, if they come nearer.
 
     `climbs`: whether the log posterior of all chains still rises.
     """
     failing = {name: found for name, found in now.items() if not found.agrees()}
     if not failing:
-        return Outlook("agree", None)
+        return "agree", None
     if any(found.state in ("short", "not finite") for found in (*half.values(), *now.values())):
-        return Outlook("unknown", None)
+        return "unknown", None
     by_rhat = [name for name, found in failing.items() if not found.rhat < found.max_rhat]
     if is_stalled(worst_rhat([half[name] for name in by_rhat]), worst_rhat([now[name] for name in by_rhat])):
-        return Outlook("unknown" if climbs else "flat", None)
+        return "unknown" if climbs else "flat", None
     factor = max(found.shortfall() for found in failing.values())
-    return Outlook("nearing", rounded((factor - 1.0) * seconds)) if math.isfinite(factor) else Outlook("unknown", None)
+    return ("nearing", rounded((factor - 1.0) * seconds)) if math.isfinite(factor) else ("unknown", None)
 
 
 def is_stalled(before: float, now: float) -> bool:

@@ -48,7 +48,7 @@ def diagnostics_of(
     """Return agreement, what it would take, acceptance by move and speed, after so many `seconds` of sampling."""
     ground, diagnoses = image.agreement(), ensemble.diagnose()
     found = verdict(diagnoses)
-    expected = outlook(ensemble.diagnose_half(), diagnoses, seconds, ensemble.climbs())
+    trend, suggested = outlook(ensemble.diagnose_half(), diagnoses, seconds, ensemble.climbs())
     assert ground is not None
     diagnostics = {
         "converged": found.converged,
@@ -57,8 +57,8 @@ def diagnostics_of(
         "reason": found.reason,
         "functionals": {name: each._asdict() for name, each in diagnoses.items()},
         "agreement": ground.document(),
-        "trend": expected.trend,
-        "suggested_seconds": expected.seconds,
+        "trend": trend,
+        "suggested_seconds": suggested,
         "acceptance": {
             name: {"proposed": int(counts[c.PROPOSED]), "accepted": int(counts[c.ACCEPTED])}
             for name, counts in ensemble.named_outcomes().items()

@@ -109,29 +109,6 @@ def _steps(kept: NDArray[np.bool_], xy: Floats) -> sparse.csr_array:
     return sparse.csr_array(steps + steps.T)
 
 
-class Ways(NamedTuple):
-    """Ways between neighbouring viewpoints, those whose regions touch."""
-
-    lengths: sparse.csr_array  # (k, k) metres
-    # for viewpoints (a, b) the two places at which the way leaves the region of a and enters that of b
-    crossing: dict[tuple[int, int], tuple[int, int]]
-    # (n,) for each place of the roadmap the one before it, on the way from its viewpoint
-    predecessor: NDArray[np.int32]
-
-    def between(self, a: int, b: int) -> list[int]:
-        """Return the places on the way from viewpoint a to its neighbour b, both ends included."""
-        leave, enter = self.crossing[a, b]
-        return [*reversed(self._back(leave)), *self._back(enter)]
-
-    def _back(self, place: int) -> list[int]:
-        """Return the places from one back to its viewpoint."""
-        way = []
-        while place >= 0:
-            way.append(place)
-            place = int(self.predecessor[place])
-        return way
-
-
 def viewpoints(road: Roadmap, reach: float) -> Ints:
     """Return places from which all others are at most `reach` metres of way, those with most space round them first."""
     covered = np.zeros(len(road.xy), dtype=np.bool_)
@@ -156,13 +133,16 @@ def tour_places(road: Roadmap, stops: Ints, first: int) -> list[Ints]:
 
     `stops` (k,): places to visit. `first`: which of them is first.
     """
-    ways = _ways(road, stops)
-    lengths, before = csgraph.dijkstra(ways.lengths, return_predecessors=True)
+    neighbours, crossing, predecessor = _ways(road, stops)
+    lengths, before = csgraph.dijkstra(neighbours, return_predecessors=True)
     order = short_tour(lengths, first).tolist()
     legs = []
     for here, there in itertools.pairwise(order):
-        hops = _hops(before[here], there)
-        places = [place for a, b in itertools.pairwise(hops) for place in ways.between(a, b)]
+        hops = _back(before[here], there)[::-1]
+        places = []
+        for pair in itertools.pairwise(hops):
+            leave, enter = crossing[pair]
+            places += [*reversed(_back(predecessor, leave)), *_back(predecessor, enter)]
         legs.append(np.array(places))
     return legs
 
@@ -198,8 +178,23 @@ def _turn_one_part(tour: Ints, lengths: Floats) -> bool:
     return shorter
 
 
-def _ways(road: Roadmap, stops: Ints) -> Ways:
-    """Return the shortest way between each two viewpoints whose regions touch."""
+def _back(before: NDArray[np.int32], there: int) -> list[int]:
+    """Return the places from one back to the first."""
+    way = []
+    while there >= 0:
+        way.append(there)
+        there = int(before[there])
+    return way
+
+
+def _ways(
+    road: Roadmap, stops: Ints
+) -> tuple[sparse.csr_array, dict[tuple[int, int], tuple[int, int]], NDArray[np.int32]]:
+    """Return the shortest way between each two viewpoints whose regions touch.
+
+    Its lengths (k, k) in metres; for viewpoints (a, b) the two places at which it leaves the region of a and enters
+    that of b; and for each place of the roadmap (n,) the one before it, on the way from its viewpoint.
+    """
     distance, predecessor, source = csgraph.dijkstra(road.steps, indices=stops, min_only=True, return_predecessors=True)
     number = np.zeros(len(road.xy), dtype=np.int64)
     number[stops] = np.arange(len(stops))
@@ -216,12 +211,4 @@ def _ways(road: Roadmap, stops: Ints) -> Ways:
     lengths = sparse.csr_array((whole[best], (a, b)), (len(stops), len(stops)))
     ends = zip(leave[best].tolist(), enter[best].tolist(), strict=True)
     crossing = dict(zip(zip(a.tolist(), b.tolist(), strict=True), ends, strict=True))
-    return Ways(lengths, crossing, predecessor)
-
-
-def _hops(before: NDArray[np.int32], there: int) -> list[int]:
-    """Return the viewpoints on the way to one of them."""
-    hops = [there]
-    while before[hops[-1]] >= 0:
-        hops.append(int(before[hops[-1]]))
-    return hops[::-1]
+    return lengths, crossing, predecessor

@@ -244,11 +244,11 @@ def test_black_variance_of_a_dense_field_is_that_of_a_plane() -> None:
 def test_compare_puts_means_beside_the_laws() -> None:
     draws = exact_draws(1.0, OBLONG, 2000, np.random.default_rng(1))
     found = arak.compare(draws, 1.0)
-    assert found.n_draws == 2000
-    assert found.mean_edges == draws.n_edges.mean()
-    assert found.expected_edges == arak.expected_edges(1.0, OBLONG)
-    assert found.mean_edges == pytest.approx(found.expected_edges, rel=0.05)
-    assert found.mean_length == pytest.approx(found.expected_length, rel=0.05)
+    assert found["n_draws"] == 2000
+    assert found["mean_edges"] == draws.n_edges.mean()
+    assert found["expected_edges"] == arak.expected_edges(1.0, OBLONG)
+    assert found["mean_edges"] == pytest.approx(found["expected_edges"], rel=0.05)
+    assert found["mean_length"] == pytest.approx(found["expected_length"], rel=0.05)
 
 
 WINDOW = Window(-1.0, 2.0, 3.0, 5.0)

@@ -160,15 +160,16 @@ TRUE = np.array([0.9, -0.2, -0.15])
 
 def test_a_corner_is_found_where_it_is():
     place, points = laid(np.concatenate([wall(-4, 2, 3, 2), wall(3, 2, 3, -3), wall(-4, -3, 0, -3)]))
-    best = search(place, points, ABOUT, WINDOW)[0]
-    assert (np.abs(best.pose - TRUE) < [1.1 * CELL, 1.1 * CELL, 1.1 * CELL / LEVER]).all()
-    assert best.score > 0.8
-    assert np.sqrt(np.linalg.eigvalsh(best.covariance)[-1]) < 0.35
+    ways, covariance = search(place, points, ABOUT, WINDOW)
+    pose, score = ways[0]
+    assert (np.abs(pose - TRUE) < [1.1 * CELL, 1.1 * CELL, 1.1 * CELL / LEVER]).all()
+    assert score > 0.8
+    assert np.sqrt(np.linalg.eigvalsh(covariance)[-1]) < 0.35
 
 
 def test_a_corridor_leaves_the_way_along_it_open():
     place, points = laid(np.concatenate([wall(-7, 1, 7, 1), wall(-7, -1, 7, -1)]))
-    covariance = search(place, points[30:90:2], ABOUT, WINDOW)[0].covariance
+    _, covariance = search(place, points[30:90:2], ABOUT, WINDOW)
     assert covariance[0, 0] > 5.0 * covariance[1, 1]
 
 

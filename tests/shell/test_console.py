@@ -33,13 +33,13 @@ class TestColor:
     @pytest.mark.parametrize(
         ("variables", "choice", "wanted"),
         [
-            ({"NO_COLOR": "1"}, ColorChoice.auto, False),
-            ({"NO_COLOR": ""}, ColorChoice.auto, True),
-            ({"TERM": "dumb"}, ColorChoice.auto, False),
-            ({"NO_COLOR": "1"}, ColorChoice.always, True),
-            ({"FORCE_COLOR": "1"}, ColorChoice.never, False),
-            ({"FORCE_COLOR": "1", "TERM": "dumb"}, ColorChoice.auto, True),
-            ({"FORCE_COLOR": "1", "NO_COLOR": "1"}, ColorChoice.auto, False),
+            ({"NO_COLOR": "1"}, "auto", False),
+            ({"NO_COLOR": ""}, "auto", True),
+            ({"TERM": "dumb"}, "auto", False),
+            ({"NO_COLOR": "1"}, "always", True),
+            ({"FORCE_COLOR": "1"}, "never", False),
+            ({"FORCE_COLOR": "1", "TERM": "dumb"}, "auto", True),
+            ({"FORCE_COLOR": "1", "NO_COLOR": "1"}, "auto", False),
         ],
     )
     def test_precedence_on_a_terminal(

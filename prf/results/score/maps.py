@@ -7,7 +7,6 @@ import os
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -34,17 +33,6 @@ Bools = NDArray[np.bool_]
 
 BIN = 0.1  # metres of range that take the probability of one cell, or of one arc of cells
 OCCUPIED = 0.5  # cells above are walls of a GRID's contours
-
-
-class Prediction(NamedTuple):
-    """What a map predicts of beams."""
-
-    # (n,) predictive density of each reading, 1/m; of a censored one the probability to end beyond the window
-    density: Floats
-    # (n,) distance to the first obstacle in the best map; inf for none before the maximum range, 0 in occupied space,
-    # nan if there is no best map
-    distance: Floats
-    share_occupied: float  # share of pairs of a draw and a beam in which the sensor is in occupied space
 
 
 class PolygonalMaps(ABC):
@@ -88,14 +76,20 @@ class PolygonalMaps(ABC):
 
     @abstractmethod
     def _best_distance(self, beams: HeldOut, rays: Floats, window: Window) -> Floats:
-        """Return the distances (n,) of the best map, as of :class:`Prediction`."""
+        """Return the distances (n,) of the best map, as of :meth:`predict`."""
 
-    def predict(self, beams: HeldOut) -> Prediction:
-        """Return the prediction for beams whose sensors are inside the window: the density averaged over maps."""
+    def predict(self, beams: HeldOut) -> tuple[Floats, Floats, float]:
+        """Return what the maps predict of beams whose sensors are inside the window.
+
+        The density (n,) of each reading averaged over maps, 1/m, of a censored one the probability to end beyond the
+        window; the distance (n,) to the first obstacle in the best map: inf for none before the maximum range, 0 in
+        occupied space, nan if there is no best map; and the share of pairs of a draw and a beam in which the sensor is
+        in occupied space.
+        """
         rays, black = beams.rays(self.window), self._black(beams.origin)
         density = self._density(beams.model, rays, beams.readings(rays), black)
         distance = self._best_distance(beams, rays, self._box(beams.model, rays))
-        return Prediction(density, distance, float(black.mean()))
+        return density, distance, float(black.mean())
 
     def density(self, model: LaserModel, rays: Floats, readings: Floats) -> Floats:
         """Return the density (n,) of readings as the kernels take them, of rays that begin in the window."""
@@ -224,12 +218,12 @@ class GridMap:
         self.grid = grid
         self.window: Window = grid.window
 
-    def predict(self, beams: HeldOut) -> Prediction:
+    def predict(self, beams: HeldOut) -> tuple[Floats, Floats, float]:
         """Return the density that first hits among the cells give, and the distance of the first likely one."""
         rays = beams.rays(self.window)
         density, distance = self._beams(beams.model, rays, beams.readings(rays))
         at_sensor = cells_occupied(self.grid, beams.origin) > OCCUPIED
-        return Prediction(density, np.where(at_sensor, 0.0, distance), float(at_sensor.mean()))
+        return density, np.where(at_sensor, 0.0, distance), float(at_sensor.mean())
 
     def density(self, model: LaserModel, rays: Floats, readings: Floats) -> Floats:
         """Return the density that first hits among the cells give."""

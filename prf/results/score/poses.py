@@ -58,10 +58,10 @@ def marginalise(
     if best is None:
         distance = np.full(len(beams.range), np.nan)
     elif best is scored:
-        distance = best.predict(placed[0]).distance
+        distance = best.predict(placed[0])[1]
     else:
         own = integrate_poses(best, beams, pooled([one.posterior for one in found]), least, rng)
-        distance = best.predict(at_mean_poses(best, beams, own)).distance
+        distance = best.predict(at_mean_poses(best, beams, own))[1]
     ess = float(np.median([one.ess for one in found]))
     return placed, distance, -float(log_density.sum()) / len(beams.range), ess
 

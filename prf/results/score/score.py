@@ -90,13 +90,13 @@ def _laser_scores(scored: ScoredMap, held_out: HeldOut, seed: int, square: float
 
 def _certain_scores(scored: ScoredMap, beams: HeldOut, seed: int, square: float) -> dict[str, Any]:
     """Return the scores of beams where they are."""
-    prediction = scored.predict(beams)
+    density, distance, share_occupied = scored.predict(beams)
     points = draw_points(beams, spawn_generators(seed, 1)[0])
     return {
-        "beam_nll": -float(np.log(prediction.density).mean()),
+        "beam_nll": -float(np.log(density).mean()),
         **point_scores(scored, points, square),
-        **distance_scores(prediction.distance, beams),
-        "sensor_occupied": prediction.share_occupied,
+        **distance_scores(distance, beams),
+        "sensor_occupied": share_occupied,
         "n_points": len(points.occupied),
     }
 
@@ -107,7 +107,7 @@ def _marginal_scores(scored: ScoredMap, beams: HeldOut, seed: int, square: float
     maps = scored.singles(MOST_MAPS)
     placed, distance, beam_nll, ess = marginalise(scored, maps, beams, spawn_generators(seed, 2)[1])
     points = [draw_points(each, spawn_generators(seed, 1)[0]) for each in placed]  # the same along each beam
-    shares = [one.predict(each).share_occupied for one, each in zip(maps, placed, strict=True)]
+    shares = [one.predict(each)[2] for one, each in zip(maps, placed, strict=True)]
     probability = np.zeros(len(points[0].occupied))
     for one, at in zip(maps, points, strict=True):
         probability += np.nan_to_num(one.occupied(at.xy, square), nan=OUTSIDE) / len(maps)

@@ -13,9 +13,8 @@ import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from enum import StrEnum
 from importlib.util import find_spec
-from typing import IO
+from typing import IO, Literal
 
 logger = logging.getLogger(__name__)
 
@@ -23,12 +22,8 @@ LOGGERS = ("prf", "mapq")
 """Only our own packages' messages are shown; a library's messages do not concern the user."""
 
 
-class ColorChoice(StrEnum):
-    """When to use colour."""
-
-    auto = "auto"
-    always = "always"
-    never = "never"
+ColorChoice = Literal["auto", "always", "never"]
+"""When to use colour."""
 
 
 @dataclass
@@ -36,7 +31,7 @@ class Settings:
     """How much to show and how, by the flags of this command."""
 
     verbosity: int = 0  # -1 errors only (-q), 0 notes and warnings, 1 details (-v), 2 also tracebacks (-vv)
-    color: ColorChoice = ColorChoice.auto
+    color: ColorChoice = "auto"
     progress: bool = True
 
 
@@ -54,7 +49,7 @@ class _Handler(logging.Handler):
 
 def reset() -> None:
     """Go back to what holds without flags, as a tool does when it starts."""
-    settings.verbosity, settings.color, settings.progress = 0, ColorChoice.auto, True
+    settings.verbosity, settings.color, settings.progress = 0, "auto", True
     if isinstance(sys.stdout, io.TextIOWrapper):  # names of files may hold bytes that are not text
         sys.stdout.reconfigure(errors="backslashreplace")
     configure()
@@ -135,8 +130,8 @@ def use_color(stream: IO[str]) -> bool:
     ``--color always|never`` wins, then ``NO_COLOR``, then ``FORCE_COLOR`` (both count when not empty), then
     ``TERM=dumb``; else colour goes to terminals only.
     """
-    if settings.color is not ColorChoice.auto:
-        return settings.color is ColorChoice.always
+    if settings.color != "auto":
+        return settings.color == "always"
     if os.environ.get("NO_COLOR"):
         return False
     if os.environ.get("FORCE_COLOR"):

@@ -36,13 +36,6 @@ class Message(NamedTuple):
     body: Any  # its fields, as `rosbags` makes them
 
 
-class Topic(NamedTuple):
-    """What is published under one name: message type, such as ``sensor_msgs/msg/LaserScan``, and number of messages."""
-
-    type: str
-    n_messages: int
-
-
 class Bag:
     """An open bag. `reader`: open. `source`: name of the bag, for messages."""
 
@@ -50,22 +43,22 @@ class Bag:
         self._reader = reader
         self.source = source
         self.format = "ROS 2 bag" if reader.is2 else "ROS 1 bag"
-        self.topics: dict[str, Topic] = {}
+        self.types: dict[str, str] = {}  # of the messages of each topic, such as ``sensor_msgs/msg/LaserScan``
+        self.counts: dict[str, int] = {}  # of these messages
         # Several publishers of one topic, usual for /tf, are several connections.
         for connection in sorted(reader.connections, key=lambda connection: connection.topic):
-            count = connection.msgcount + self.topics.get(connection.topic, Topic("", 0)).n_messages
-            self.topics[connection.topic] = Topic(connection.msgtype, count)
+            name = connection.topic
+            self.types[name] = connection.msgtype
+            self.counts[name] = self.counts.get(name, 0) + connection.msgcount
 
     @property
     def contents(self) -> str:
         """Topics and their types, for messages."""
-        return (
-            ", ".join(f"{name} ({topic.type.rpartition('/')[2]})" for name, topic in self.topics.items()) or "no topics"
-        )
+        return ", ".join(f"{name} ({kind.rpartition('/')[2]})" for name, kind in self.types.items()) or "no topics"
 
     def of_type(self, *types: str) -> list[str]:
         """Return the topics of any of these message types that hold messages, by name."""
-        return [name for name, topic in self.topics.items() if topic.type in types and topic.n_messages]
+        return [name for name, kind in self.types.items() if kind in types and self.counts[name]]
 
     def messages(self, topics: Collection[str]) -> Iterator[Message]:
         """Yield the messages of some topics in the order of recording."""

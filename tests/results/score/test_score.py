@@ -111,9 +111,9 @@ class TestOneWall:
         area = OccupiedArea(shapely.box(7.0, 0.0, 10.0, 10.0), ROOM)
         beams = held([[2.0, 5.0], [2.0, 5.0]], [0.0, math.pi], [5.0, 2.0])
         for scored in (PolygonMap(area), draws_of([from_polygons(area.region, ROOM)])):
-            np.testing.assert_array_equal(scored.predict(beams).distance, [5.0, np.inf])
+            np.testing.assert_array_equal(scored.predict(beams)[1], [5.0, np.inf])
         free = PolygonMap(OccupiedArea(shapely.box(0.0, 0.0, 1.0, 10.0), None))
-        np.testing.assert_array_equal(free.predict(beams).distance, [np.inf, 1.0])
+        np.testing.assert_array_equal(free.predict(beams)[1], [np.inf, 1.0])
 
 
 def draws_of(colorings: list[Coloring]) -> DrawsMap:
@@ -180,10 +180,10 @@ class TestDensity:
         assert reach == pytest.approx(min(limit, 4.6 / math.cos(angle)))
         expected, beyond = grid_density(sparse, origin, angle, some, noise, 0.05, limit, reach)
         expected[some >= reach] = beyond
-        np.testing.assert_allclose(GridMap(sparse).predict(beams).density, expected, rtol=1e-9)
+        np.testing.assert_allclose(GridMap(sparse).predict(beams)[0], expected, rtol=1e-9)
         r = np.linspace(0.0, reach, 60_001)[:-1] + 0.5 * reach / 60_000
         beams = held(origin, np.full(len(r), angle), r, max_range=limit, noise=noise)
-        assert GridMap(sparse).predict(beams).density.mean() * reach + beyond == pytest.approx(1.0, abs=1e-6)
+        assert GridMap(sparse).predict(beams)[0].mean() * reach + beyond == pytest.approx(1.0, abs=1e-6)
 
     def test_a_reach_of_whole_bins_and_a_rounding_error_makes_no_bin_more(self) -> None:
         occupancy, none = np.full((4, 4), 0.5, np.float32), np.zeros((4, 4), np.int32)
@@ -193,12 +193,12 @@ class TestDensity:
             beams = held([0.0, 2.0], [0.0], [7.0])
             where = np.array([0.0, 2.0]), 0.0, np.empty(0)
             _, beyond = grid_density(grid, *where, 0.05, 0.05, 8.0, float(beams.rays(grid.window)[0, 4]))
-            assert GridMap(grid).predict(beams).density[0] == pytest.approx(beyond, rel=1e-6)
+            assert GridMap(grid).predict(beams)[0][0] == pytest.approx(beyond, rel=1e-6)
 
 
 def predicted_mass(scored: PolygonMap, r: np.ndarray, limit: float, noise: float, relative: float) -> float:
     beams = held([2.0, 5.0], np.zeros(len(r)), r, max_range=limit, noise=noise, noise_relative=relative)
-    return float(scored.predict(beams).density.mean() * limit)
+    return float(scored.predict(beams)[0].mean() * limit)
 
 
 class TestGrid:
@@ -210,20 +210,20 @@ class TestGrid:
 
     def test_the_first_likely_cell_is_the_obstacle(self) -> None:
         beams = held([1.0, 1.0], [0.0, math.pi], [4.1, 0.9])
-        np.testing.assert_allclose(self.grid(0.6).predict(beams).distance, [4.05, np.inf])
-        assert np.isinf(self.grid(0.5).predict(beams).distance[0])
-        np.testing.assert_allclose(self.grid(1.0).predict(held([5.05, 1.0], [0.0], [1.0])).distance, [0.0])
+        np.testing.assert_allclose(self.grid(0.6).predict(beams)[1], [4.05, np.inf])
+        assert np.isinf(self.grid(0.5).predict(beams)[1][0])
+        np.testing.assert_allclose(self.grid(1.0).predict(held([5.05, 1.0], [0.0], [1.0]))[1], [0.0])
 
     def test_one_wall(self) -> None:
         beams = held([1.0, 1.0], [0.0], [4.04])
         bin_mass = stats.norm.cdf((4.1 - 4.04) / 0.05) - stats.norm.cdf((4.0 - 4.04) / 0.05)
         expected = 0.95 * 0.6 * bin_mass / 0.1 + 0.05 / 8.0
-        assert self.grid(0.6).predict(beams).density[0] == pytest.approx(expected, rel=1e-6)
+        assert self.grid(0.6).predict(beams)[0][0] == pytest.approx(expected, rel=1e-6)
 
     @pytest.mark.parametrize("p", [0.0, 0.6, 1.0])
     def test_a_return_beyond_the_grid_is_censored_at_its_border(self, p: float) -> None:
         beams = held([1.0, 1.0], [math.pi, 0.0], [1.5, 7.0], noise=3.0)
-        west, east = self.grid(p).predict(beams).density
+        west, east = self.grid(p).predict(beams)[0]
         assert west == pytest.approx(0.95 + 0.05 * 7.0 / 8.0, rel=1e-6)
         assert score(self.grid(p), held([9.9, 1.0], [0.0], [0.35]), 1)["n_censored"] == 1
         assert 0.0 < east < 1.0, "a return within the grid"
