@@ -36,7 +36,7 @@ from prf.model.window import Window
 from prf.results import PosteriorImage
 from prf.sampler import Ensemble, StopRule, drive
 from prf.sampler.target import Execution, Target, point_data
-from prf.shell.cli.provenance import spawn_generators
+from prf.shell.cli.storage import spawn_generators
 
 SIZE = 96
 FLIPS = 0.25

@@ -19,7 +19,7 @@ from prf.readings import read_readings
 from prf.sampler.driver import StopRule, drive
 from prf.sampler.ensemble import Ensemble
 from prf.sampler.prepare import prepare
-from prf.shell.cli.provenance import spawn_generators
+from prf.shell.cli.storage import spawn_generators
 
 THREADS = 2
 

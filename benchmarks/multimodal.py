@@ -45,7 +45,7 @@ from prf.sampler.ensemble import Sample
 from prf.sampler.target import Execution, LaserData, Target, laser_data
 from prf.sampler.tempering import LadderPlan
 from prf.shell.cli import pictures as style
-from prf.shell.cli.provenance import spawn_generators
+from prf.shell.cli.storage import spawn_generators
 from prf.simulate.sensors import bearings_of, cast, measure
 from prf.simulate.world import World
 

@@ -35,8 +35,8 @@ from mapq.posed import find_scans, merge_scans
 from mapq.results.result import Origin, Result, assess
 from mapq.segmentation import STAGES
 from mapq.segmentation import segment as cut
+from prf.shell.cli.console import ProgressCallback, reported
 from prf.shell.cli.outputs import refuse_existing
-from prf.shell.cli.progress import ProgressCallback, reported
 from prf.shell.errors import ArgumentError, UsageError
 
 logger = logging.getLogger(__name__)

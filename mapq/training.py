@@ -20,8 +20,8 @@ from mapq.labels import PLAUSIBLE, SUSPICIOUS, UNLABELLED
 from mapq.model import Model
 from mapq.patches import Patches
 from mapq.results.evaluate import Scores, score_labels
-from prf.shell.cli.progress import Report
-from prf.shell.cli.provenance import describe_input, describe_process
+from prf.shell.cli.console import Report
+from prf.shell.cli.storage import describe_input, describe_process
 from prf.shell.errors import require
 
 N_REGIONS = 20

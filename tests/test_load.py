@@ -24,7 +24,7 @@ from prf.sampler.anneal import anneal
 from prf.sampler.driver import StopRule, drive
 from prf.sampler.prepare import read_prepared
 from prf.sampler.session import Session
-from prf.shell.cli.provenance import spawn_generators
+from prf.shell.cli.storage import spawn_generators
 from tests.conftest import ROOT
 from tests.mapq.report.results import save_result
 from tests.mapq.town import town

@@ -13,8 +13,7 @@ import typer
 from mapq.commands._options import ModelFile, are_scans, default_name, load_model, read_scans
 from mapq.configuration import Configuration, parse_share, sources_of, typed_keys
 from prf.shell.cli.console import is_verbose
-from prf.shell.cli.flags import with_settings
-from prf.shell.cli.options import Force, Json, Output
+from prf.shell.cli.options import Force, Json, Output, with_settings
 from prf.shell.cli.settings import Loaded
 
 if TYPE_CHECKING:

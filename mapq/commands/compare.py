@@ -11,8 +11,7 @@ import typer
 from mapq.commands._options import ModelFile
 from mapq.configuration import Configuration, parse_share
 from prf.shell.cli.console import is_verbose
-from prf.shell.cli.flags import with_settings
-from prf.shell.cli.options import Json
+from prf.shell.cli.options import Json, with_settings
 from prf.shell.cli.settings import Loaded
 
 if TYPE_CHECKING:

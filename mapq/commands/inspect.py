@@ -9,8 +9,7 @@ import typer
 
 from mapq.configuration import Configuration
 from prf.shell.cli.console import is_verbose
-from prf.shell.cli.flags import with_settings
-from prf.shell.cli.options import Json
+from prf.shell.cli.options import Json, with_settings
 from prf.shell.cli.settings import Loaded
 
 if TYPE_CHECKING:

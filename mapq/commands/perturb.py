@@ -9,8 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from mapq.configuration import Configuration, MergeSettings
-from prf.shell.cli.flags import with_settings
-from prf.shell.cli.options import Force, Json, Output, Seed
+from prf.shell.cli.options import Force, Json, Output, Seed, with_settings
 from prf.shell.cli.settings import Loaded
 
 logger = logging.getLogger(__name__)
@@ -50,9 +49,9 @@ def perturb(
     from mapq.perturb.build import SCHEMA, build, target_files, write_map
     from mapq.posed import find_scans, replace_poses
     from prf.shell.cli import console, storage
+    from prf.shell.cli.console import progress
     from prf.shell.cli.outputs import refuse_inputs
-    from prf.shell.cli.progress import progress
-    from prf.shell.cli.provenance import resolve_seed
+    from prf.shell.cli.storage import resolve_seed
 
     chosen, finding = settings.settings.perturb, settings.settings.scans
     posed = find_scans(inputs, finding, settings.settings.cloud)

@@ -10,8 +10,7 @@ from typing import Annotated
 import typer
 
 from mapq.configuration import Configuration
-from prf.shell.cli.flags import with_settings
-from prf.shell.cli.options import Force, Output
+from prf.shell.cli.options import Force, Output, with_settings
 from prf.shell.cli.settings import Loaded
 
 logger = logging.getLogger(__name__)

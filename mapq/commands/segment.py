@@ -11,8 +11,7 @@ import typer
 from mapq.commands._options import are_scans, default_name, read_scans
 from mapq.configuration import Configuration, sources_of
 from prf.shell.cli.console import is_verbose
-from prf.shell.cli.flags import with_settings
-from prf.shell.cli.options import Force, Json, Output
+from prf.shell.cli.options import Force, Json, Output, with_settings
 from prf.shell.cli.settings import Loaded
 
 if TYPE_CHECKING:

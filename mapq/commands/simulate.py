@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from mapq.configuration import Configuration, SimulateSettings, sources_of
-from prf.shell.cli.flags import with_settings
-from prf.shell.cli.options import Force, Json, Output, Seed
+from prf.shell.cli.options import Force, Json, Output, Seed, with_settings
 from prf.shell.cli.settings import Loaded
 
 if TYPE_CHECKING:
@@ -56,10 +55,9 @@ def simulate(
     from mapq.io.write import check_name
     from mapq.simulate import simulate_with_report
     from prf.shell.cli import storage
-    from prf.shell.cli.console import say_beside
+    from prf.shell.cli.console import progress, say_beside
     from prf.shell.cli.outputs import claim_output
-    from prf.shell.cli.progress import progress
-    from prf.shell.cli.provenance import resolve_seed
+    from prf.shell.cli.storage import resolve_seed
     from prf.shell.errors import UsageError
 
     if output is None:
@@ -88,9 +86,9 @@ def _make_city(folder: str, settings: Loaded[Configuration], seed: int, force: b
     """Write a city as LAZ tiles into a folder."""
     from mapq.simulate.city import write_city
     from prf.shell.cli import console, storage
+    from prf.shell.cli.console import progress
     from prf.shell.cli.files import STREAM
     from prf.shell.cli.outputs import claim, claim_output
-    from prf.shell.cli.progress import progress
     from prf.shell.errors import OutputExists, UsageError
 
     given = sources_of(settings, "simulate")

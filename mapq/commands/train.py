@@ -10,8 +10,7 @@ import typer
 
 from mapq.configuration import Configuration, sources_of
 from prf.shell.cli.console import is_verbose
-from prf.shell.cli.flags import with_settings
-from prf.shell.cli.options import Force, Json, Output
+from prf.shell.cli.options import Force, Json, Output, with_settings
 from prf.shell.cli.settings import Loaded
 
 if TYPE_CHECKING:

@@ -22,7 +22,7 @@ from mapq.features.shape import (
 from mapq.features.table import PatchFeatures
 from mapq.model import Model
 from mapq.patches import Patches
-from prf.shell.cli.progress import Report, report_nothing
+from prf.shell.cli.console import Report, report_nothing
 from prf.shell.errors import ArgumentError, InputError
 
 N_STEPS = 3

@@ -22,8 +22,8 @@ from mapq.labelling.store import open_store
 from mapq.model import Model
 from mapq.patches import Patches
 from mapq.results.result import Result, assess
-from prf.shell.cli.progress import progress
-from prf.shell.cli.signals import graceful_stop
+from prf.shell.cli.console import progress
+from prf.shell.cli.run import graceful_stop
 from prf.shell.errors import ConfigError, InputError
 
 logger = logging.getLogger(__name__)

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from mapq.configuration import PerturbSettings
 from mapq.posed.scans import drive_passes, driven
-from prf.shell.cli.provenance import spawn_generators
+from prf.shell.cli.storage import spawn_generators
 
 Floats = NDArray[np.float64]
 

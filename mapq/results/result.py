@@ -31,11 +31,10 @@ from mapq.results.content import cause_row, head_of, patch_rows, rounded
 from mapq.results.evaluate import Scores, score_labels
 from mapq.results.reasons import Reason, Reasons, Region, find_regions, weighted_median
 from mapq.results.visits import Visits, visits_of
+from prf.shell.cli.console import Report
 from prf.shell.cli.outputs import refuse_existing
 from prf.shell.cli.pictures import card
-from prf.shell.cli.progress import Report
-from prf.shell.cli.provenance import describe_process
-from prf.shell.cli.storage import jsonable
+from prf.shell.cli.storage import describe_process, jsonable
 from prf.shell.errors import ArgumentError
 
 if TYPE_CHECKING:

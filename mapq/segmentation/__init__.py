@@ -16,7 +16,7 @@ from mapq.segmentation.join import describe_regions, join_regions, warnings_of
 from mapq.segmentation.parameters import Parameters, choose_parameters
 from mapq.segmentation.points import Points, sort_points
 from mapq.segmentation.regions import Core, find_regions, make_core, spread_out
-from prf.shell.cli.progress import Report
+from prf.shell.cli.console import Report
 from prf.shell.errors import InputError
 
 STAGES = ("sorting", "estimating", "neighbours and normals", "growing", "finishing")

@@ -16,7 +16,7 @@ from mapq.simulate.robot import Trajectory, drive_along, odometry
 from mapq.simulate.scene import MOVING, NO_SURFACE, Frame, Kind, SceneBuilder, World
 from mapq.simulate.street import add_traffic
 from mapq.simulate.truth import Observed, Truth, judge
-from prf.shell.cli.provenance import spawn_generators
+from prf.shell.cli.storage import spawn_generators
 
 Floats = NDArray[np.float64]
 

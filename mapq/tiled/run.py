@@ -32,8 +32,8 @@ from mapq.tiled.measure import Measuring
 from mapq.tiled.output import Workers, open_workers, plan_output, write_map
 from mapq.tiled.source import Map, WorkFolder, is_tiled, open_map
 from mapq.tiled.tiling import HALO_IN_GAPS, HALO_IN_SPACING, Counts, Tiling, cells_of, keys_of, make_tiling
+from prf.shell.cli.console import Report, progress, report_nothing
 from prf.shell.cli.files import work_folder
-from prf.shell.cli.progress import Report, progress, report_nothing
 from prf.shell.errors import InputError
 
 SAMPLE = 3_000_000

@@ -29,11 +29,11 @@ from prf.results.write import is_unfinished
 from prf.sampler.driver import StopRule, drive
 from prf.sampler.prepare import with_poses
 from prf.sampler.session import Session
+from prf.shell.cli.console import ProgressCallback, reported
 from prf.shell.cli.outputs import exclusive, refuse_existing
-from prf.shell.cli.progress import ProgressCallback, reported
-from prf.shell.cli.provenance import resolve_seed
+from prf.shell.cli.run import graceful_stop
 from prf.shell.cli.settings import Loaded
-from prf.shell.cli.signals import graceful_stop
+from prf.shell.cli.storage import resolve_seed
 from prf.shell.errors import ArgumentError
 from prf.shell.scheduler import open_pool
 

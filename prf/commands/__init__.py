@@ -13,7 +13,7 @@ ones), and the module's ``EXAMPLES``, a tuple of command lines that run, ends it
     import typer
 
     from prf.configuration import Configuration
-    from prf.shell.cli.flags import with_settings
+    from prf.shell.cli.options import with_settings
     from prf.shell.cli.options import Json
     from prf.shell.cli.settings import Loaded
 

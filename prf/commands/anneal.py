@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from prf.commands import _options as o
 from prf.configuration import Configuration, named_sources
-from prf.shell.cli.flags import with_settings
-from prf.shell.cli.options import Force, Json, Output, Seed, Threads
+from prf.shell.cli.options import Force, Json, Output, Seed, Threads, with_settings
 from prf.shell.cli.settings import Loaded
 
 if TYPE_CHECKING:
@@ -60,7 +59,7 @@ def anneal(
     from prf.sampler.prepare import with_poses
     from prf.sampler.session import default_output
     from prf.shell.cli.outputs import claim_output
-    from prf.shell.cli.provenance import resolve_seed
+    from prf.shell.cli.storage import resolve_seed
     from prf.shell.errors import UsageError
 
     logs = [log for log in (laser, sonar, point_data) if log is not None]
@@ -94,9 +93,9 @@ def _cool(
 
     from prf.sampler.anneal import anneal as cool
     from prf.sampler.prepare import describe_readings, read_prepared
-    from prf.shell.cli.progress import progress
-    from prf.shell.cli.provenance import spawn_generators
-    from prf.shell.cli.signals import graceful_stop
+    from prf.shell.cli.console import progress
+    from prf.shell.cli.run import graceful_stop
+    from prf.shell.cli.storage import spawn_generators
 
     laser, sonar, point_data = inputs
     prepared = read_prepared(laser, config, sonar, point_data)
@@ -131,7 +130,7 @@ def _write(target: str, found: Annealed, made: dict[str, Any], logs: list[str]) 
     """Write the map file; return its text."""
     from prf.results.geojson import map_text
     from prf.shell.cli.files import open_output
-    from prf.shell.cli.provenance import describe_process
+    from prf.shell.cli.storage import describe_process
 
     text = map_text(found.best, {**made, **describe_process(logs)})
     with open_output(target) as stream:

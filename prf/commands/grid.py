@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 from prf.commands import _options as o
 from prf.configuration import Configuration, named_sources
-from prf.shell.cli.flags import with_settings
-from prf.shell.cli.options import Force, Json, Output
+from prf.shell.cli.options import Force, Json, Output, with_settings
 from prf.shell.cli.settings import Loaded
 
 if TYPE_CHECKING:
@@ -45,7 +44,7 @@ def grid(
     from prf.sampler.session import default_output
     from prf.shell.cli.files import STREAM
     from prf.shell.cli.outputs import claim_output
-    from prf.shell.cli.provenance import describe_process
+    from prf.shell.cli.storage import describe_process
     from prf.shell.errors import UsageError
 
     logs = [log for log in (laser, sonar) if log is not None]

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from prf.configuration import Configuration
-from prf.shell.cli.flags import with_settings
-from prf.shell.cli.options import Json
+from prf.shell.cli.options import Json, with_settings
 from prf.shell.cli.settings import Loaded
 
 if TYPE_CHECKING:

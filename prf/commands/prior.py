@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from prf.configuration import Configuration
-from prf.shell.cli.flags import with_settings
-from prf.shell.cli.options import Force, Json, Output, Seed
+from prf.shell.cli.options import Force, Json, Output, Seed, with_settings
 from prf.shell.cli.settings import Loaded
 
 if TYPE_CHECKING:
@@ -57,7 +56,7 @@ def prior(
     from prf.shell.cli.console import say_beside
     from prf.shell.cli.files import open_output
     from prf.shell.cli.outputs import claim_output
-    from prf.shell.cli.provenance import resolve_seed
+    from prf.shell.cli.storage import resolve_seed
     from prf.shell.errors import UsageError
 
     scale, window = settings.settings.prior.scale, settings.settings.prior.window
@@ -94,7 +93,7 @@ def _draw(
     """Return the draws, and the steps between two draws of the chain (None for exact draws)."""
     if method == "exact":
         from prf.model.arak import exact_draws
-        from prf.shell.cli.provenance import spawn_generators
+        from prf.shell.cli.storage import spawn_generators
 
         return exact_draws(scale, window, n_draws, spawn_generators(seed, 1)[0]), None
     from prf.sampler.prior import mcmc_draws

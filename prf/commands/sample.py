@@ -8,8 +8,7 @@ import typer
 
 from prf.commands import _options as o
 from prf.configuration import IN_MANIFEST, Configuration
-from prf.shell.cli.flags import with_settings
-from prf.shell.cli.options import Force, Json, Output, Seed, Threads
+from prf.shell.cli.options import Force, Json, Output, Seed, Threads, with_settings
 from prf.shell.cli.settings import Loaded
 
 if TYPE_CHECKING:

@@ -8,8 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from prf.configuration import SCORE_DEFAULTS, Configuration
-from prf.shell.cli.flags import with_settings
-from prf.shell.cli.options import Json, Seed
+from prf.shell.cli.options import Json, Seed, with_settings
 from prf.shell.cli.settings import Loaded
 
 MAIN = {
@@ -89,7 +88,7 @@ def score(
     from prf.results.score import hold_out, hold_out_sonar, open_map, read_occupied_area, true_cells
     from prf.results.score import score as score_map
     from prf.sampler.prepare import read_configured
-    from prf.shell.cli.provenance import resolve_seed
+    from prf.shell.cli.storage import resolve_seed
     from prf.shell.errors import UsageError
 
     if laser is None and sonar is None and truth is None:

@@ -8,8 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from prf.configuration import Configuration
-from prf.shell.cli.flags import with_settings
-from prf.shell.cli.options import Force, Json, Output, Seed
+from prf.shell.cli.options import Force, Json, Output, Seed, with_settings
 from prf.shell.cli.settings import Loaded
 
 EXAMPLES = (
@@ -69,10 +68,10 @@ def simulate(
     true_poses.csv and .tum the true ones. For one loop give its waypoints as --path.
     """
     from prf.shell.cli import storage
+    from prf.shell.cli.console import progress
     from prf.shell.cli.files import STREAM
     from prf.shell.cli.outputs import claim, refuse_existing
-    from prf.shell.cli.progress import progress
-    from prf.shell.cli.provenance import resolve_seed
+    from prf.shell.cli.storage import resolve_seed
     from prf.shell.errors import UsageError
     from prf.simulate import config_of, refuse_absent_sensor, summary, write_simulation
     from prf.simulate import simulate as make

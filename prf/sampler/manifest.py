@@ -19,8 +19,8 @@ from prf.results.convergence import outlook, verdict
 from prf.sampler.ensemble import Ensemble
 from prf.sampler.prepare import Prepared
 from prf.sampler.target import Target
-from prf.shell.cli.provenance import describe_input, describe_process
 from prf.shell.cli.settings import Loaded
+from prf.shell.cli.storage import describe_input, describe_process
 from prf.shell.errors import ConfigError, InputError
 
 COUNTS = ("n_beams", "n_beams_thinned", "n_cones", "n_outside", "n_points", "n_points_outside")

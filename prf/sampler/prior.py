@@ -11,7 +11,7 @@ from prf.model.layout import read_coloring
 from prf.model.window import Window
 from prf.sampler.state import make_chain, run_chain
 from prf.sampler.target import Target
-from prf.shell.cli.provenance import spawn_generators
+from prf.shell.cli.storage import spawn_generators
 
 THIN_PER_EDGE = 50
 """Steps between draws for each edge to be expected: about the autocorrelation time of the number of edges."""

@@ -35,8 +35,8 @@ from prf.sampler.manifest import (
 )
 from prf.sampler.prepare import Prepared, describe_readings, ladder_plan, make_target
 from prf.sampler.target import Target
-from prf.shell.cli.provenance import spawn_generators, versions
 from prf.shell.cli.settings import Loaded
+from prf.shell.cli.storage import spawn_generators, versions
 from prf.shell.errors import InputError, OutputError
 
 CHECKPOINT_SECONDS = 60.0
@@ -65,7 +65,7 @@ class Session:
     ensemble: Ensemble
     config: Configuration  # resolved
     seed: int
-    process: dict[str, Any]  # versions, platform, command, inputs (:func:`prf.shell.cli.provenance.describe_process`)
+    process: dict[str, Any]  # versions, platform, command, inputs (:func:`prf.shell.cli.storage.describe_process`)
     folder: Path | None = None
     seconds_before: float = 0.0  # sampling in earlier processes of a resumed run
     is_resumed: bool = False  # whether the folder holds the run already

@@ -24,8 +24,7 @@ from prf.shell.cli import pictures as style
 from prf.shell.cli.files import Group, atomic_write, made_folder, together
 from prf.shell.cli.outputs import remove_leftovers
 from prf.shell.cli.pictures import Target
-from prf.shell.cli.provenance import describe_input, versions
-from prf.shell.cli.storage import dump_object
+from prf.shell.cli.storage import describe_input, dump_object, versions
 from prf.simulate.path import DIGITS, Scans, rms_errors
 from prf.simulate.sensors import bearings_of, is_half_circle, step_of
 from prf.simulate.simulation import ARAK, OFFICE, Simulation

@@ -140,7 +140,7 @@ def test_a_restored_chain_has_room_for_what_its_cones_see(both: Path) -> None:
     from prf.sampler.ensemble import Ensemble
     from prf.sampler.prepare import make_target
     from prf.sampler.session import stored_config
-    from prf.shell.cli.provenance import spawn_generators
+    from prf.shell.cli.storage import spawn_generators
 
     run = read_run(both)
     config, seed = stored_config(run, both)

@@ -14,8 +14,7 @@ from prf.sampler import Ensemble
 from prf.sampler.checkpoint import SCHEMA, Arrays, load_checkpoint, save_checkpoint
 from prf.sampler.target import Execution, Target
 from prf.sampler.tempering import LadderPlan
-from prf.shell.cli.provenance import spawn_generators
-from prf.shell.cli.storage import load_arrays, save_arrays
+from prf.shell.cli.storage import load_arrays, save_arrays, spawn_generators
 from prf.shell.errors import InputError
 from tests.driving import advance
 from tests.reference.beams import Sensor

@@ -15,7 +15,7 @@ from prf.model.window import Window
 from prf.sampler import Ensemble, StopRule, drive
 from prf.sampler.target import Execution, Target
 from prf.sampler.tempering import LadderPlan
-from prf.shell.cli.provenance import spawn_generators
+from prf.shell.cli.storage import spawn_generators
 from prf.shell.scheduler import Workers, open_pool
 from tests.reference.beams import Sensor
 from tests.reference.chain_state import digest

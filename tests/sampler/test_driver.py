@@ -16,7 +16,7 @@ from prf.results.convergence import Diagnosis, Verdict
 from prf.sampler import ChainRun, Ensemble, StopRule, chain, drive, driver
 from prf.sampler.driver import is_check
 from prf.sampler.target import Execution, Target
-from prf.shell.cli.provenance import spawn_generators
+from prf.shell.cli.storage import spawn_generators
 
 UNIT = Window(0.0, 0.0, 1.0, 1.0)
 

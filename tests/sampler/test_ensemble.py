@@ -16,7 +16,7 @@ from prf.sampler import Ensemble
 from prf.sampler.chain import FUNCTIONALS
 from prf.sampler.ensemble import probe_pixels
 from prf.sampler.target import Execution, Target
-from prf.shell.cli.provenance import spawn_generators
+from prf.shell.cli.storage import spawn_generators
 from tests.driving import advance
 from tests.reference.beams import Sensor
 from tests.reference.chain_state import digest

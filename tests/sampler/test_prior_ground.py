@@ -28,7 +28,7 @@ from prf.sampler.prior_ground import PriorGround, closed_boxes, closed_cells, pr
 from prf.sampler.state import make_chain, run_chain, settle_image
 from prf.sampler.target import Execution, LaserData, Target, laser_data
 from prf.sampler.tempering import LadderPlan
-from prf.shell.cli.provenance import spawn_generators
+from prf.shell.cli.storage import spawn_generators
 from tests.driving import advance, find_starts, step_to
 from tests.reference.beams import Sensor
 from tests.reference.chain_state import digest, structural_faults

@@ -20,7 +20,7 @@ from prf.sampler.driver import StopRule
 from prf.sampler.starts import contour_map, find_start_map, map_of_region
 from prf.sampler.state import make_chain
 from prf.sampler.target import Execution, Target
-from prf.shell.cli.provenance import spawn_generators
+from prf.shell.cli.storage import spawn_generators
 from prf.shell.errors import ArgumentError, ConfigError
 from tests.driving import find_starts
 from tests.reference.beams import Sensor

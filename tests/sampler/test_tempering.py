@@ -26,7 +26,7 @@ from prf.sampler.prepare import ladder_plan
 from prf.sampler.state import exchanged, make_chain, penalised_log_likelihood, repaint, with_map
 from prf.sampler.target import Execution, Target, occupied_cost
 from prf.sampler.tempering import AUTO_TEMPERATURES, Ladder, LadderPlan, even_powers, stretched_powers
-from prf.shell.cli.provenance import spawn_generators
+from prf.shell.cli.storage import spawn_generators
 from tests.driving import advance
 from tests.reference.beams import Sensor
 from tests.reference.chain_state import digest, structural_faults

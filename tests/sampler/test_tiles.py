@@ -21,7 +21,7 @@ from prf.sampler.target import Execution, Target
 from prf.sampler.tiles.part import cut_targets, make_part
 from prf.sampler.tiles.rounds import Round, TileData, make_round, make_tile_data, random_tiles
 from prf.sampler.tiles.schedule import draw_at, finish_round, work_tile
-from prf.shell.cli.provenance import spawn_generators
+from prf.shell.cli.storage import spawn_generators
 from tests.driving import advance
 from tests.reference.beams import Sensor
 from tests.reference.chain_state import digest, structural_faults

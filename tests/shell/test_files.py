@@ -14,8 +14,7 @@ import numpy as np
 import pytest
 
 from prf.shell.cli import files
-from prf.shell.cli.provenance import describe_input, describe_process, versions
-from prf.shell.cli.storage import load_arrays, load_object
+from prf.shell.cli.storage import describe_input, describe_process, load_arrays, load_object, versions
 from prf.shell.errors import InputError, OutputError
 
 

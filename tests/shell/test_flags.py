@@ -9,8 +9,7 @@ import typer
 from click.testing import CliRunner
 
 from prf.shell.cli.app import make_command
-from prf.shell.cli.flags import with_settings
-from prf.shell.cli.options import Json
+from prf.shell.cli.options import Json, with_settings
 from prf.shell.cli.settings import Loaded, SettingError, Table, Tree, key, load
 from prf.shell.errors import ArgumentError, ConfigError, UsageError
 

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from prf.shell.cli import console, progress
+from prf.shell.cli import console
 
 
 @pytest.fixture(autouse=True)
@@ -28,12 +28,12 @@ class Clock:
 @pytest.fixture
 def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
     stand_in = Clock()
-    monkeypatch.setattr(progress, "time", stand_in)
+    monkeypatch.setattr(console, "time", stand_in)
     return stand_in
 
 
 def run(clock: Clock, n_updates: int, seconds_each: float) -> None:
-    with progress.progress(n_updates, "sampling") as bar:
+    with console.progress(n_updates, "sampling") as bar:
         for done in range(1, n_updates + 1):
             clock.now += seconds_each
             bar(done, steps_per_second="150k")
@@ -50,7 +50,7 @@ def test_a_pipe_gets_a_plain_line_every_ten_seconds(clock: Clock, capsys: pytest
 
 
 def test_without_a_total_there_is_no_time_left() -> None:
-    line = progress.plain_line("sampling", 10, None, 61.0, None, {"rhat": "1.20"})
+    line = console.plain_line("sampling", 10, None, 61.0, None, {"rhat": "1.20"})
     assert line == "sampling  rhat 1.20  elapsed 0:01:01"
 
 
@@ -70,7 +70,7 @@ def test_a_terminal_gets_a_bar_on_stderr(monkeypatch: pytest.MonkeyPatch, capsys
     monkeypatch.setenv("TERM", "xterm")
     monkeypatch.setenv("COLUMNS", "120")
     monkeypatch.setattr("sys.stderr", terminal)
-    with progress.progress(10, "sampling") as bar:
+    with console.progress(10, "sampling") as bar:
         bar(5, rhat="[1.20]")
     assert "sampling" in terminal.getvalue()
     assert "rhat [1.20]" in terminal.getvalue(), "fields are text, not markup"

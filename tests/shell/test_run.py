@@ -15,7 +15,7 @@ import pytest
 
 from prf.shell.cli.options import parse_duration
 from prf.shell.cli.pictures import new_page, save
-from prf.shell.cli.provenance import resolve_seed, spawn_generators
+from prf.shell.cli.storage import resolve_seed, spawn_generators
 from prf.shell.errors import LONGEST_MESSAGE, InputError, Interrupted, UsageError
 
 VERB = '''

@@ -6,7 +6,7 @@ import threading
 
 import pytest
 
-from prf.shell.cli.signals import graceful_stop
+from prf.shell.cli.run import graceful_stop
 from prf.shell.errors import Interrupted
 
 

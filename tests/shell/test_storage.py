@@ -15,8 +15,8 @@ import pytest
 from PIL import Image
 
 from prf.shell.cli import console
+from prf.shell.cli.console import reported
 from prf.shell.cli.pictures import card
-from prf.shell.cli.progress import reported
 from prf.shell.cli.storage import dump_object, emit_object, emit_pieces
 
 

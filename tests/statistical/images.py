@@ -19,7 +19,7 @@ from prf.results.convergence import diagnose
 from prf.sampler import Ensemble
 from prf.sampler.target import Target
 from prf.sampler.tempering import LadderPlan
-from prf.shell.cli.progress import progress
+from prf.shell.cli.console import progress
 from tests.driving import advance
 from tests.reference.disagreement_loops import sample
 from tests.statistical.check import Check

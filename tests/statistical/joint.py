@@ -28,7 +28,7 @@ from prf.sampler.target import Target
 from prf.sampler.tempering import Ladder, LadderPlan
 from prf.sampler.tiles.rounds import make_round, make_tile_data
 from prf.sampler.tiles.schedule import finish_round, work_tile
-from prf.shell.cli.progress import progress
+from prf.shell.cli.console import progress
 from tests.driving import run_to
 from tests.statistical.check import Check
 from tests.statistical.means import Floats, Mean, plain_mean, z_scores

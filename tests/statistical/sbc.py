@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 import prf
 from prf.model.coloring import Draws
 from prf.sampler.target import Target
-from prf.shell.cli.progress import progress
+from prf.shell.cli.console import progress
 from tests.statistical.check import Check
 from tests.statistical.problems import NAMES, PROBLEMS, DrawProblem, values
 from tests.statistical.ranks import Verdict, make_band, rank_of

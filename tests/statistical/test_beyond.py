@@ -22,7 +22,7 @@ from prf.model.window import Window
 from prf.sampler import Ensemble
 from prf.sampler import target as targets
 from prf.sampler.target import Execution, LaserData, SonarData, Target, laser_data
-from prf.shell.cli.provenance import spawn_generators
+from prf.shell.cli.storage import spawn_generators
 from tests.driving import advance
 from tests.reference.beams import Sensor, draw_readings, impacts
 from tests.reference.slow_sonar import Cone, Ring

@@ -23,7 +23,7 @@ from prf.sampler.state import make_chain, run_chain, with_map
 from prf.sampler.target import Target
 from prf.sampler.tempering import LadderPlan
 from prf.sampler.tiles import rounds, schedule
-from prf.shell.cli.provenance import spawn_generators
+from prf.shell.cli.storage import spawn_generators
 from tests.driving import advance
 from tests.reference.free_way import is_free
 from tests.statistical.problems import NAMES, from_map

@@ -19,7 +19,7 @@ from scipy.special import logsumexp
 from prf.model.laser import beam_influence
 from prf.results.score.heldout import HeldOut
 from prf.results.score.maps import ScoredMap
-from prf.shell.cli.progress import progress
+from prf.shell.cli.console import progress
 
 Floats = NDArray[np.float64]
 

@@ -23,7 +23,7 @@ from prf.results.score.heldout import CLIP, OUTSIDE, SQUARE, HeldOut, HeldOutSon
 from prf.results.score.maps import ScoredMap
 from prf.results.score.poses import MOST_MAPS, marginalise
 from prf.results.score.scene import first_edges, outline
-from prf.shell.cli.provenance import spawn_generators
+from prf.shell.cli.storage import spawn_generators
 from prf.shell.errors import ConfigError, InputError
 
 Floats = NDArray[np.float64]

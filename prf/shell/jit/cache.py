@@ -31,7 +31,7 @@ import numba
 import numpy as np
 from numba.core import event
 
-from prf.shell.cli.progress import Report, progress, report_nothing
+from prf.shell.cli.console import Report, progress, report_nothing
 
 KEPT_DIGESTS = 8
 """Caches of this many source states survive: enough to go back and forth between branches without compiling."""
