@@ -32,8 +32,7 @@ from prf.model.coloring import Coloring
 from prf.model.layout import make_sites, read_coloring
 from prf.readings import Readings, read_readings, thin
 from prf.sampler.prepare import prepare
-from prf.sampler.state import make_chain
-from prf.sampler.target import Target
+from prf.sampler.target import Target, make_chain
 
 LOG = "freiburg-079"
 HELD_OUT = "50::100"

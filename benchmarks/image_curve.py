@@ -16,9 +16,9 @@ import numpy as np
 
 from prf.configuration import Configuration
 from prf.readings import read_readings
-from prf.sampler.driver import StopRule, drive
 from prf.sampler.ensemble import Ensemble
 from prf.sampler.prepare import prepare
+from prf.sampler.session import StopRule, drive
 from prf.shell.cli.storage import spawn_generators
 
 THREADS = 2

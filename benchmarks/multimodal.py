@@ -42,8 +42,8 @@ from prf.results import PosteriorImage
 from prf.results.convergence import Diagnosis, verdict
 from prf.sampler import Ensemble, StopRule, drive
 from prf.sampler.ensemble import Sample
+from prf.sampler.schedules import LadderPlan
 from prf.sampler.target import Execution, LaserData, Target, laser_data
-from prf.sampler.tempering import LadderPlan
 from prf.shell.cli import pictures as style
 from prf.shell.cli.storage import spawn_generators
 from prf.simulate.sensors import bearings_of, cast, measure

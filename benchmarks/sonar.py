@@ -36,9 +36,8 @@ from prf.model.coloring import Draws
 from prf.output.run import read_run
 from prf.readings import read_readings
 from prf.results.estimate import occupied_probability
-from prf.sampler.driver import StopRule, drive
 from prf.sampler.prepare import prepare, read_prepared
-from prf.sampler.session import Session
+from prf.sampler.session import Session, StopRule, drive
 from prf.sampler.target import Target
 
 READINGS = 29_120

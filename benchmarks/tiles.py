@@ -29,8 +29,7 @@ from prf.kernels.step import run
 from prf.model.layout import grow
 from prf.output.run import read_run
 from prf.sampler.prepare import read_prepared
-from prf.sampler.state import make_chain
-from prf.sampler.target import Target, one_colour_map
+from prf.sampler.target import Target, make_chain, one_colour_map
 from prf.sampler.tiles.rounds import PLAIN_SHARE, make_round, make_tile_data, narrowest, round_length
 from prf.sampler.tiles.schedule import finish_round, work_tile
 

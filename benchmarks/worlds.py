@@ -21,8 +21,7 @@ from prf.model.layout import grow
 from prf.model.window import Window
 from prf.readings import read_readings, thin
 from prf.sampler.prepare import prepare
-from prf.sampler.state import make_chain
-from prf.sampler.target import Target
+from prf.sampler.target import Target, make_chain
 
 ROOT = Path(__file__).resolve().parents[1]
 OFFICE = ROOT / "data" / "demo-office.log.gz"

@@ -26,7 +26,7 @@ from prf.model.sensors import LaserModel, SonarModel
 from prf.model.sonar import make_poses
 from prf.readings import Readings, thin
 from prf.readings.describe import default_max_range
-from prf.readings.robot import fields_of_view
+from prf.readings.readings import fields_of_view
 from prf.results.score import HeldOutSonar, OccupiedArea, read_occupied_area
 from prf.results.score.scene import enclosing_window, features_seen, first_edges, outline, scene_of_region
 from prf.shell.cli.settings_file import settings_text

@@ -9,8 +9,7 @@ from typing import Any, ClassVar, Literal, Self
 
 from pydantic import field_validator
 
-from prf.model.domain import FACTOR, LARGEST_RANGE, LENGTH, window_fault
-from prf.model.sensors import LaserModel, PointModel, SonarModel
+from prf.model.sensors import FACTOR, LARGEST_RANGE, LENGTH, LaserModel, PointModel, SonarModel, window_fault
 from prf.shell.cli.settings import Loaded, SettingError, Table, Tree, build, key, places_of
 from prf.shell.errors import ArgumentError
 
@@ -101,7 +100,7 @@ class ReadingOptions(Table):
     skip_scans: str | None = key(None, "", "all scans but these, START:STOP:STEP", flag="START:STOP:STEP")
 
     def selection(self) -> dict[str, Any]:
-        """Return which scans and beams to take, as arguments of :func:`prf.readings.thinning`."""
+        """Return which scans and beams to take, as arguments of :func:`prf.readings.ground`."""
         return self.model_dump(include={"every_scan", "every_beam", "scans", "skip_scans"})
 
 

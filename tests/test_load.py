@@ -21,9 +21,8 @@ from mapq.report.page import write_report
 from prf.configuration import Configuration
 from prf.results import names
 from prf.sampler.anneal import anneal
-from prf.sampler.driver import StopRule, drive
 from prf.sampler.prepare import read_prepared
-from prf.sampler.session import Session
+from prf.sampler.session import Session, StopRule, drive
 from prf.shell.cli.storage import spawn_generators
 from tests.conftest import ROOT
 from tests.mapq.report.results import save_result

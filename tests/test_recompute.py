@@ -25,13 +25,13 @@ from prf.model.sensors import LaserModel
 from prf.model.window import Window
 from prf.readings.ground import STRAIGHT
 from prf.sampler.prepare import read_prepared
-from prf.sampler.state import make_chain
 from prf.sampler.target import (
     Execution,
     LaserData,
     Target,
     Tuning,
     laser_data,
+    make_chain,
     one_colour_map,
     return_points,
     sonar_data,

@@ -28,8 +28,7 @@ from prf.model.coloring import Coloring, Draws, black_areas, black_at
 from prf.model.window import Window
 from prf.results import write_run
 from prf.results.score.scene import features_seen, scene_of_coloring
-from prf.sampler.state import make_chain
-from prf.sampler.target import Execution, Target
+from prf.sampler.target import Execution, Target, make_chain
 from prf.sampler.tiles.schedule import small_round
 from prf.shell.cli.run import run_app
 from tests.factories import make_run

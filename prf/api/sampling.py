@@ -26,9 +26,8 @@ from prf.output.run import Run
 from prf.results import Progress
 from prf.results.convergence import verdict
 from prf.results.write import is_unfinished
-from prf.sampler.driver import StopRule, drive
 from prf.sampler.prepare import with_poses
-from prf.sampler.session import Session
+from prf.sampler.session import Session, StopRule, drive
 from prf.shell.cli.console import ProgressCallback, reported
 from prf.shell.cli.outputs import exclusive, refuse_existing
 from prf.shell.cli.run import graceful_stop

@@ -12,7 +12,7 @@ from prf.shell.cli.settings import Loaded
 
 if TYPE_CHECKING:
     from prf.sampler.anneal import Annealed
-    from prf.sampler.driver import StopRule
+    from prf.sampler.session import StopRule
 
 logger = logging.getLogger(__name__)
 
@@ -55,9 +55,8 @@ def anneal(
     """
     options = locals()
 
-    from prf.sampler.driver import StopRule
     from prf.sampler.prepare import with_poses
-    from prf.sampler.session import default_output
+    from prf.sampler.session import StopRule, default_output
     from prf.shell.cli.outputs import claim_output
     from prf.shell.cli.storage import resolve_seed
     from prf.shell.errors import UsageError

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from prf.kernels.constants import BOTTOM, INTERIOR, LEFT, RIGHT, TOP
-from prf.model.domain import window_fault
+from prf.model.sensors import window_fault
 from prf.shell.errors import ConfigError
 
 __all__ = [

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from prf.readings.describe import LogSummary, describe, warn_of_spoiling
+from prf.readings.ground import thin
 from prf.readings.open import log_stem, read_logs, read_readings
 from prf.readings.points import PointTable, describe_points, read_point_data
 from prf.readings.poses import GivenPoses, read_poses
 from prf.readings.readings import Kind, LogNotes, NoReadings, Readings, ScanTable
 from prf.readings.table import write_table
-from prf.readings.thinning import thin
 
 __all__ = [
     "GivenPoses",

@@ -18,8 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from prf.readings.readings import Kind, LogNotes, NoReadings, Readings, Scan, assemble
-from prf.readings.robot import spread
+from prf.readings.readings import Kind, LogNotes, NoReadings, Readings, Scan, assemble, spread
 from prf.readings.text import FloatArray
 from prf.shell.errors import ConfigError, InputError
 from prf.shell.poses.bag import Bag, Message, open_bag, seconds

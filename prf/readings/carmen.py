@@ -40,8 +40,21 @@ from numpy.typing import NDArray
 
 from prf.model.sensors import CONE
 from prf.readings.poses import Track
-from prf.readings.readings import Kind, LogNotes, NoReadings, OwnPoses, Readings, Scan, assemble
-from prf.readings.robot import QUARTER_DEGREES, mounted, plain_bearings, ring_of, seen_from, spread
+from prf.readings.readings import (
+    QUARTER_DEGREES,
+    Kind,
+    LogNotes,
+    NoReadings,
+    OwnPoses,
+    Readings,
+    Scan,
+    assemble,
+    mounted,
+    plain_bearings,
+    ring_of,
+    seen_from,
+    spread,
+)
 from prf.readings.text import FloatArray, expect_length, floats, parse_lines
 from prf.shell.errors import ConfigError, InputError
 
@@ -242,14 +255,8 @@ def _read_sonars(
             at = mounted(pose, ring)
             scans.append(Scan(SONAR, sonar.line, sonar.time, pose, at[:, :2], at[:, 2], sonar.ranges, sonar.cone))
     known, odd = _counts(lines, (SONAR,))
-    notes = LogNotes(
-        format="CARMEN",
-        lines=known,
-        odd_lines=odd,
-        poses=where_from,
-        ring=tuple(map(tuple, rings[0].tolist())),
-        remarks=tuple(remarks),
-    )
+    shown = tuple(map(tuple, rings[0].tolist()))
+    notes = LogNotes("CARMEN", lines=known, odd_lines=odd, poses=where_from, ring=shown, remarks=tuple(remarks))
     return assemble(scans, source, notes)
 
 

@@ -14,9 +14,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from prf.model.domain import LARGEST_RANGE
 from prf.model.laser import unit_vectors
-from prf.model.sensors import SonarModel
+from prf.model.sensors import LARGEST_RANGE, SonarModel
 from prf.model.window import Window
 from prf.readings.readings import Kind, Readings, ScanTable
 from prf.readings.text import FloatArray

@@ -1,21 +1,31 @@
-"""What readings show of the ground before any map: its window, the cells that they saw, and the way driven.
+"""What readings show of the ground before any map, and beams of a dense log thinned to those that differ.
 
-Of cells that no reading crossed or ended in a map knows the prior alone. Where the sensor went there was room for it
-(docs/driven-way.md).
+The window of the readings, the cells that they saw, and the way driven: of cells that no reading crossed or ended in a
+map knows the prior alone; where the sensor went there was room for it (docs/driven-way.md).
+
+:func:`thin_beams` keeps a step as cheap for a longer log (docs/large-jobs.md). Beams are drawn evenly from strata:
+those of one stratum end in one square, are from one of eight directions, and all have a return or all have none. Their
+information is nearly the same, so of n beams some n^EVENNESS are kept. With the exponent 1 that is plain subsampling;
+with 0 every place has the same number, and what is rare (people who walked by, the fringe of a wall blurred by errors
+of the poses) weighs as much as the wall.
+
+Free space is known by the beams that cross it, and some of it by a few alone: those that look through a door, or along
+a wall. A cell that is passed must stay passed by some beams, or what was seen would become unseen.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 
 from prf.kernels.readings.cones import MAX_DISTANCE
-from prf.kernels.score.passed_cells import count_passes, mark_cones
-from prf.kernels.state.grid import Grid, most_cells
+from prf.kernels.score.passed_cells import choose_lacking, count_passes, mark_cones
+from prf.kernels.state.grid import Grid, make_grid, most_cells
 from prf.kernels.state.guards import GUARD_WAY, N_SHAPE
 from prf.model.laser import unit_vectors, window_exit
 from prf.model.layout import image_grid
@@ -24,6 +34,8 @@ from prf.model.sonar import make_poses
 from prf.model.window import Window
 from prf.readings.points import PointTable
 from prf.readings.readings import Readings
+from prf.readings.text import IntArray
+from prf.shell.errors import ConfigError, InputError
 
 KEPT_RETURNS = 0.995
 """Share of the returns that the default window holds at least."""
@@ -85,10 +97,6 @@ def sensor_tracks(readings: Readings) -> list[NDArray[np.float64]]:
     known = table.number <= scans.max(initial=-1)
     device[table.number[known]] = table.device[known]
     return [middle[device[scans] == one] for one in np.unique(device[scans])]
-
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 
 def beam_ends(window: Window, origin: Floats, angle: Floats, ranges: Floats, max_range: float) -> tuple[Floats, Bools]:
@@ -187,3 +195,199 @@ def ways_near(guards: Floats, box: Floats) -> NDArray[np.bool_]:
     low = np.minimum(guards[:, 1:3], guards[:, 3:5]) - guards[:, 5:6]
     high = np.maximum(guards[:, 1:3], guards[:, 3:5]) + guards[:, 5:6]
     return np.asarray(((low <= box[2:]) & (high >= box[:2])).all(axis=1), np.bool_)
+
+
+Floats = NDArray[np.float64]
+
+WORTH_IT = 0.75  # a log is used whole, and exactly, where thinning would keep more than this share of it
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+PLACE = 0.5  # side of a square in metres: wide beside the blur of a wall, so that all across it is thinned alike
+DIRECTIONS = 8  # sectors of the direction of a beam
+EVENNESS = 0.75  # exponent of the number of beams; measured in docs/large-jobs.md
+RARE = 2.0  # beams with a return that each square keeps at least, if it has as many, and beams without one likewise
+HALVINGS = 60  # of the interval that holds the factor common to all quotas
+CELL = 0.25  # side of a cell in metres
+SQUARE = 4
+"""Cells along a side of the squares that seen ground is measured by: 1 m, so that few beams see it as well as many."""
+MAX_CELLS = 4_000_000  # cells are larger in a window that would need more
+PASSING = 2  # beams that stay in each cell at least, if as many pass it or end in it
+GAINS = (16, 4, 1)
+"""Cells lacking a beam that a beam must pass to be taken: first those that pass many, so that few are taken."""
+
+
+def thin_beams(
+    window: Window, origin: Floats, angle: Floats, ranges: Floats, max_range: float, density: float
+) -> NDArray[np.int64]:
+    """Return the beams to keep, by index and in their order.
+
+    Of a dense log about `density` beams a square metre of the ground that its beams pass stay, plus what it takes to
+    have every passed cell passed. One with little more than that is kept whole. No random
+    number is used: the same beams in the same order give the same choice.
+
+    `origin` (n, 2): sensor positions inside the window, metres. `angle` (n,): directions in the world frame, radians.
+    `ranges` (n,): metres; at or above `max_range`: no return. `max_range`: metres. `density`: beams a square metre; 0
+    keeps all. Returns (m,).
+    """
+    everything = np.arange(len(ranges), dtype=np.int64)
+    if density == 0.0 or len(ranges) <= 1:
+        return everything
+    end, returned = beam_ends(window, origin, angle, ranges, max_range)
+    passages = Passages(window, origin, end)
+    budget = density * passages.seen_area()
+    if budget > WORTH_IT * len(ranges):
+        return everything
+    strata = strata_of(window, origin, end, returned)
+    kept = draw_evenly(strata, weights(strata, budget))
+    passages.complete(kept)
+    return everything[kept]
+
+
+class Strata(NamedTuple):
+    """Beams sorted by stratum, in their own order within each; neighbouring squares follow one another."""
+
+    order: Ints  # (n,) the beams, stratum by stratum
+    size: Ints  # (k,) beams of each stratum, at least 1
+    alike: Ints  # (k,) beams that end in the same square with the same outcome, whatever their direction
+
+
+def strata_of(window: Window, origin: Floats, end: Floats, returned: Bools) -> Strata:
+    """Return the strata of beams. `origin`, `end` (n, 2): metres, inside the window. `returned` (n,)."""
+    column, row = (np.maximum(end - np.array(window[:2]), 0.0) // PLACE).astype(np.int64).T
+    across = int(window.width // PLACE) + 2
+    # Every other row runs backward, so that rounding at the end of one is compensated at its neighbour's.
+    square = row * across + np.where(row % 2 == 0, column, across - 1 - column)
+    toward = np.arctan2(end[:, 1] - origin[:, 1], end[:, 0] - origin[:, 0])
+    sector = ((toward + np.pi) * (DIRECTIONS / (2.0 * np.pi))).astype(np.int64) % DIRECTIONS
+    group = 2 * square + returned
+    key = DIRECTIONS * group + sector
+    order = np.argsort(key, kind="stable")
+    _, first, size = np.unique(key[order], return_index=True, return_counts=True)
+    _, member = np.unique(group[order[first]], return_inverse=True)
+    return Strata(order, size, np.bincount(member, weights=size).astype(np.int64)[member])
+
+
+def weights(strata: Strata, budget: float) -> Floats:
+    """Return the share (k,) of each stratum to keep: `budget` beams in all, more only if the rare need it."""
+    least = np.minimum(1.0, RARE / strata.alike)
+    falling = strata.size.astype(np.float64) ** (EVENNESS - 1.0)
+
+    def shares(factor: float) -> Floats:
+        found: Floats = np.minimum(1.0, np.maximum(least, factor * falling))
+        return found
+
+    low, high = 0.0, 1.0 / falling.min()
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if strata.size @ shares(middle) > budget else (middle, high)
+    return shares(high)
+
+
+def draw_evenly(strata: Strata, share: Floats) -> Bools:
+    """Return which beams (n,) to keep: every 1/w-th of a stratum whose share is w, rounding carried on to the next."""
+    each = np.repeat(share, strata.size)
+    # Those kept for certain are not counted, which rounding could make miss one of them.
+    filled = 0.5 + np.cumsum(np.where(each < 1.0, each, 0.0))
+    taken = (np.diff(np.floor(filled), prepend=0.0) > 0.0) | (each >= 1.0)
+    kept = np.zeros(len(each), np.bool_)
+    kept[strata.order[taken]] = True
+    return kept
+
+
+class Passages:
+    """Beams as segments, and how many of them pass each cell.
+
+    `start`, `end` (n, 2): of the beams, metres, inside the window.
+    """
+
+    def __init__(self, window: Window, start: Floats, end: Floats) -> None:
+        self._grid = make_grid(*window, max(CELL, math.sqrt(window.area / MAX_CELLS)))
+        self._path = np.empty(most_cells(self._grid), np.int32)
+        self._start, self._end = np.ascontiguousarray(start), np.ascontiguousarray(end)
+        self._passes = self._count(np.ones(len(start), np.bool_))
+
+    def seen_area(self) -> float:
+        """Return the ground that beams pass, square metres."""
+        nx, ny = self._grid.nx, self._grid.ny
+        seen = np.pad((self._passes > 0).reshape(ny, nx), ((0, -ny % SQUARE), (0, -nx % SQUARE)))
+        squares = seen.reshape(seen.shape[0] // SQUARE, SQUARE, seen.shape[1] // SQUARE, SQUARE)
+        return float(np.count_nonzero(squares.any(axis=(1, 3)))) * (SQUARE * self._grid.cell) ** 2
+
+    def complete(self, kept: Bools) -> None:
+        """Add to `kept` (n,) beams by which every cell is passed :data:`PASSING` times, or as often as by all."""
+        wanted = np.minimum(self._passes, PASSING) - self._count(kept)
+        for least in GAINS:
+            choose_lacking(self._grid, self._start, self._end, least, self._path, wanted, kept)
+
+    def _count(self, chosen: Bools) -> Ints:
+        passes = np.zeros(self._grid.nx * self._grid.ny, np.int64)
+        count_passes(self._grid, self._start[chosen], self._end[chosen], self._path, passes)
+        return passes
+
+
+def thin(
+    readings: Readings,
+    every_scan: int = 1,
+    every_beam: int = 1,
+    scans: str | None = None,
+    skip_scans: str | None = None,
+) -> Readings:
+    """Return the readings that pass every one of the given conditions.
+
+    Scans and beams are selected by their numbers in the log, so selections such as ``skip_scans="9::10"`` and
+    ``scans="9::10"`` share no beam however they are combined with the other conditions.
+
+    `readings`: the whole log. `every_scan`: K keeps scans 0, K, 2 K ... `every_beam`: K keeps beams 0, K, 2 K ... of
+    each scan. `scans`: ``START:STOP:STEP`` keeps scans START, START + STEP ... below STOP. As in Python, each part may
+    be empty, and a negative START or STOP counts from the end of the log. `skip_scans`: the same for scans to leave
+    out.
+    """
+    if not readings.n_beams:
+        raise InputError(f"{readings.source}: it has no readings to choose from.")
+    for flag, step in (("--every-scan", every_scan), ("--every-beam", every_beam)):
+        if step < 1:
+            raise ConfigError(f"{flag} {step}: must be at least 1.")
+    n_scans = _log_length(readings)
+    keep = _multiple(readings.scan, every_scan) & _multiple(readings.beam, every_beam)
+    if scans is not None:
+        keep &= _in_slice(readings.scan, scans, n_scans, "--scans")
+    if skip_scans is not None:
+        keep &= ~_in_slice(readings.scan, skip_scans, n_scans, "--skip-scans")
+    if not keep.any():
+        raise InputError(
+            f"{readings.source}: no reading is left of {readings.n_beams} in scans 0 to {n_scans - 1}. "
+            "Widen --scans, or lower --every-scan, --every-beam or --skip-scans."
+        )
+    return readings.where(keep)
+
+
+def parse_slice(text: str, flag: str) -> slice:
+    """Return ``START:STOP`` or ``START:STOP:STEP`` of option `flag` as a slice; STEP is at least 1."""
+    parts = text.split(":")
+    try:
+        numbers = [int(part) if part.strip() else None for part in parts]
+    except ValueError:
+        numbers = []
+    if len(numbers) not in (2, 3):
+        raise ConfigError(f"{flag} {text!r}: give START:STOP:STEP in whole numbers, e.g. 0:100:5 or 50: or ::10.")
+    chosen = slice(*numbers)
+    if chosen.step is not None and chosen.step < 1:
+        raise ConfigError(f"{flag} {text!r}: STEP must be at least 1.")
+    return chosen
+
+
+def _in_slice(scan: IntArray, text: str, n_scans: int, flag: str) -> NDArray[np.bool_]:
+    start, stop, step = parse_slice(text, flag).indices(n_scans)
+    return (scan >= start) & (scan < stop) & _multiple(scan - start, step)
+
+
+def _multiple(number: IntArray | NDArray[np.int32], step: int) -> NDArray[np.bool_]:
+    """Return which numbers are multiples of `step`, a Python integer of any size."""
+    multiple: NDArray[np.bool_] = number.astype(np.int64) % min(step, np.iinfo(np.int64).max) == 0
+    return multiple
+
+
+def _log_length(readings: Readings) -> int:
+    """Return one more than the highest scan number of the log, scans that lost all their beams included."""
+    numbers = readings.notes.scans.number
+    return int(max(readings.scan.max(), numbers.max() if len(numbers) else 0)) + 1

@@ -33,8 +33,7 @@ from typing import NamedTuple
 import numpy as np
 
 from prf.readings.poses import Track
-from prf.readings.readings import Kind, LogNotes, NoReadings, Readings, Scan, assemble
-from prf.readings.robot import mounted, ring_of, spread
+from prf.readings.readings import Kind, LogNotes, NoReadings, Readings, Scan, assemble, mounted, ring_of, spread
 from prf.readings.text import FloatArray, Parsed, content_lines, expect_length, floats, parse_lines
 from prf.shell.errors import ConfigError, InputError
 

@@ -18,8 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from prf.readings.readings import Readings, ScanTable
-from prf.readings.robot import mounted
+from prf.readings.readings import Readings, ScanTable, mounted
 from prf.readings.text import FloatArray, IntArray, check_domains
 from prf.shell.cli.files import STREAM
 from prf.shell.errors import ConfigError, InputError

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from prf.model.domain import LARGEST_COORDINATE
+from prf.model.sensors import LARGEST_COORDINATE
 from prf.shell.cli.files import gunzip
 from prf.shell.errors import InputError
 

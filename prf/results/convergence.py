@@ -3,7 +3,7 @@
 Source of both: Vehtari, Gelman, Simpson, Carpenter, Buerkner (2021), Rank-normalization, folding and localization.
 R-hat - 1 of chains that mix halves, or better, when a run doubles, and ESS doubles, so the ratio by which a run misses
 its bounds is the ratio by which it is too short. Of chains that are caught in different modes R-hat stays: more time
-alone does not help. :class:`prf.sampler.driver.StopRule` ends a run by the verdict.
+alone does not help. :class:`prf.sampler.session.StopRule` ends a run by the verdict.
 """
 
 from __future__ import annotations

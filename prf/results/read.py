@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from prf.model.coloring import Coloring, Draws
-from prf.model.domain import LARGEST_COORDINATE
+from prf.model.sensors import LARGEST_COORDINATE
 from prf.model.window import Window
 from prf.poses.posterior import Trajectory
 from prf.readings import PointTable, Readings

@@ -8,8 +8,8 @@ scheduler; annealing, and runs in a folder (`Session`), watch it from outside.
 """
 
 from prf.sampler.chain import ChainRun
-from prf.sampler.driver import StopRule, drive
 from prf.sampler.ensemble import Ensemble
 from prf.sampler.prior import mcmc_draws
+from prf.sampler.session import StopRule, drive
 
 __all__ = ["ChainRun", "Ensemble", "StopRule", "drive", "mcmc_draws"]

@@ -16,8 +16,8 @@ import numpy as np
 from prf.configuration import Cooling, Start
 from prf.kernels import constants as c
 from prf.model.coloring import Coloring
-from prf.sampler.driver import StopRule, drive
 from prf.sampler.ensemble import Ensemble
+from prf.sampler.session import StopRule, drive
 from prf.sampler.target import Target
 from prf.shell.scheduler import Workers
 

@@ -21,12 +21,9 @@ from prf.kernels.state.image import Image, settle_all
 from prf.model.coloring import Coloring
 from prf.model.layout import make_image, read_coloring
 from prf.sampler.poses import PoseTurns
-from prf.sampler.prior_ground import PriorGround, prior_ground
-from prf.sampler.schedules import Plain, Regions, has_regions, unexplained
-from prf.sampler.starts import find_start_map
-from prf.sampler.state import copied, make_chain, with_map
-from prf.sampler.target import Target, one_colour_map
-from prf.sampler.tempering import Ladder, LadderPlan
+from prf.sampler.schedules import Ladder, LadderPlan, Plain, Regions, has_regions, unexplained
+from prf.sampler.starts import PriorGround, find_start_map, prior_ground
+from prf.sampler.target import Target, copied, make_chain, one_colour_map, with_map
 
 FIRST_THIN = 2000
 """Steps between two draws at the start."""
@@ -183,7 +180,7 @@ class ChainRun:
     It starts from the map `start`, in which every sensor is in white, or from a map of one colour (as in the paper),
     which :meth:`find_start` may leave for a better one. `like` is another chain of the same target at its start, to
     be copied. One that is cooled keeps its best map alone, and never draws ground that no reading concerns from the
-    prior (:mod:`prf.sampler.prior_ground`).
+    prior (:mod:`prf.sampler.starts`).
     """
 
     def __init__(

@@ -20,10 +20,8 @@ from prf.poses.posterior import Trajectory, pose_functionals
 from prf.results import PosteriorImage
 from prf.results.convergence import Diagnosis, diagnose, disagree
 from prf.sampler.chain import EDGES_ANYWHERE, FUNCTIONALS, ChainRun, Draw, burn_in
-from prf.sampler.schedules import aim, is_aimed
-from prf.sampler.state import copied, run_chain
-from prf.sampler.target import Target
-from prf.sampler.tempering import LadderPlan
+from prf.sampler.schedules import LadderPlan, aim, is_aimed
+from prf.sampler.target import Target, copied, run_chain
 from prf.sampler.tiles.rounds import make_tile_data
 from prf.sampler.tiles.schedule import Tiles
 

@@ -25,8 +25,7 @@ from prf.model.sonar import make_cones
 from prf.poses.model import LocalReadings, PoseModel
 from prf.poses.plane import wrapped
 from prf.sampler.schedules import Plain, Steps
-from prf.sampler.state import repaint, settle_image
-from prf.sampler.target import NO_LASER, NO_SONAR, Target, poses_of, rays_of
+from prf.sampler.target import NO_LASER, NO_SONAR, Target, poses_of, rays_of, repaint, settle_image
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

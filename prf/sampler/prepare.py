@@ -29,11 +29,10 @@ from prf.readings import (
     warn_of_spoiling,
 )
 from prf.readings.describe import default_max_range
-from prf.readings.ground import chosen_window, driven_way, seen_cells
-from prf.readings.robot import fields_of_view
-from prf.readings.thinning import thin_beams
+from prf.readings.ground import chosen_window, driven_way, seen_cells, thin_beams
+from prf.readings.readings import fields_of_view
+from prf.sampler.schedules import AUTO_TEMPERATURES, LadderPlan
 from prf.sampler.target import Execution, LaserData, PointData, SonarData, Target
-from prf.sampler.tempering import AUTO_TEMPERATURES, LadderPlan
 from prf.shell.errors import ConfigError, InputError
 
 DRIVEN_RADIUS = 0.1

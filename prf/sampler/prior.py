@@ -9,8 +9,7 @@ from prf.model.arak import expected_edges, refuse_too_many_edges
 from prf.model.coloring import Coloring, Draws
 from prf.model.layout import read_coloring
 from prf.model.window import Window
-from prf.sampler.state import make_chain, run_chain
-from prf.sampler.target import Target
+from prf.sampler.target import Target, make_chain, run_chain
 from prf.shell.cli.storage import spawn_generators
 
 THIN_PER_EDGE = 50

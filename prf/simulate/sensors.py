@@ -19,7 +19,7 @@ import numpy as np
 from scipy.special import j1
 
 from prf.configuration import LaserPhysics, SimulationOptions
-from prf.readings.robot import PIONEER, QUARTER_DEGREES, half_circle, mounted
+from prf.readings.readings import PIONEER, QUARTER_DEGREES, half_circle, mounted
 from prf.simulate.world import Floats
 
 REL_TOL = 1e-9

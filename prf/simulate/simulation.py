@@ -10,7 +10,7 @@ import numpy as np
 
 from prf.configuration import LaserPhysics, SimulationOptions
 from prf.model.window import Window
-from prf.readings.robot import PIONEER, mounted
+from prf.readings.readings import PIONEER, mounted
 from prf.shell.cli.storage import spawn_generators
 from prf.shell.errors import ConfigError, InputError, UsageError
 from prf.simulate.floorplan import office

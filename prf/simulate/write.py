@@ -17,7 +17,7 @@ from prf.configuration import LaserPhysics
 from prf.model.sensors import CONE
 from prf.output.pictures.posterior import fill_map
 from prf.readings.describe import MAX_RANGE_SHARE
-from prf.readings.robot import PIONEER, mounted
+from prf.readings.readings import PIONEER, mounted
 from prf.readings.table import OPTIONAL, REQUIRED
 from prf.results.geojson import map_text
 from prf.shell.cli import pictures as style

@@ -14,8 +14,7 @@ from prf.kernels import constants as c
 from prf.kernels.step import run
 from prf.model.coloring import Coloring
 from prf.model.window import Window
-from prf.sampler.state import make_chain
-from prf.sampler.target import Target
+from prf.sampler.target import Target, make_chain
 
 ROOM = Window(0.0, 0.0, 10.0, 10.0)
 

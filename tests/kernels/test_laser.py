@@ -16,8 +16,7 @@ from prf.model.laser import laser_array
 from prf.model.layout import grow
 from prf.model.sensors import LaserModel
 from prf.model.window import Window
-from prf.sampler.state import make_chain
-from prf.sampler.target import Execution, Target
+from prf.sampler.target import Execution, Target, make_chain
 from tests.kernels.entries import decide_early, log_likelihoods
 from tests.reference.beams import Sensor, density, draw_readings, log_likelihood, mass_from, mass_of_no_return
 from tests.reference.worlds import draw_world

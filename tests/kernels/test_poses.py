@@ -19,8 +19,7 @@ from prf.kernels.state.build import recompute_sums, trace_all
 from prf.model.arak import exact_draws
 from prf.model.coloring import black_at
 from prf.model.window import Window
-from prf.sampler.state import make_chain, run_chain
-from prf.sampler.target import Execution, Target, poses_of, rays_of
+from prf.sampler.target import Execution, Target, make_chain, poses_of, rays_of, run_chain
 from tests.reference.beams import Sensor
 from tests.reference.chain_state import structural_faults
 from tests.reference.pose_worlds import BARE, BOTH, DRIVEN, LASER, Rig, begin, draw_pose_world, scratch

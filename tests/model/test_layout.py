@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-import prf.sampler.state
+import prf.sampler.target
 from prf.kernels import constants as c
 from prf.kernels.state.chain import Chain
 from prf.kernels.step import run
@@ -13,8 +13,7 @@ from prf.model.arak import exact_draws
 from prf.model.coloring import Coloring
 from prf.model.layout import grow, lengthen, make_graph, read_coloring
 from prf.model.window import INTERIOR, Window
-from prf.sampler.state import make_chain
-from prf.sampler.target import Execution, Target
+from prf.sampler.target import Execution, Target, make_chain
 from tests.reference.beams import Sensor
 from tests.reference.chain_state import digest, structural_faults
 from tests.reference.recompute import differences
@@ -92,8 +91,8 @@ def test_a_chain_short_of_room_does_as_one_with_plenty(world: World, monkeypatch
     """Bit for bit: when an array grows depends on chance, so it must leave no trace."""
     results = []
     for capacity, room in ((4096, 256), (2 * c.MOST_CHANGES, c.MOST_CHANGES)):
-        monkeypatch.setattr(prf.sampler.state, "FIRST_CAPACITY", capacity)
-        monkeypatch.setattr(prf.sampler.state, "FIRST_CELL_ROOM", room)
+        monkeypatch.setattr(prf.sampler.target, "FIRST_CAPACITY", capacity)
+        monkeypatch.setattr(prf.sampler.target, "FIRST_CELL_ROOM", room)
         rng = np.random.default_rng(5)
         chain, n_grown = run_grown(start_chain(world, from_truth=False), rng, 20_000, 200)
         results.append((digest(chain, rng), n_grown))
@@ -102,8 +101,8 @@ def test_a_chain_short_of_room_does_as_one_with_plenty(world: World, monkeypatch
 
 
 def test_a_chain_of_many_edges_grows_from_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(prf.sampler.state, "FIRST_CAPACITY", 1)
-    monkeypatch.setattr(prf.sampler.state, "FIRST_CELL_ROOM", c.MOST_CHANGES)
+    monkeypatch.setattr(prf.sampler.target, "FIRST_CAPACITY", 1)
+    monkeypatch.setattr(prf.sampler.target, "FIRST_CELL_ROOM", c.MOST_CHANGES)
     chain = make_chain(Target(ROOM, 1.0, execution=Execution(resolution=1.0)), Coloring.empty(ROOM))
     chain, n_grown = run_grown(chain, np.random.default_rng(6), 120_000, 10_000)
     assert chain.graph.counts[c.EDGES] > 300
@@ -114,7 +113,7 @@ def test_a_crowded_map_gets_the_room_it_needs() -> None:
     """A start with more edges a cell than the first room holds."""
     coloring = exact_draws(12.0, Window(0.0, 0.0, 1.0, 1.0), 1, np.random.default_rng(7))[0]
     chain = make_chain(Target(coloring.window, 12.0, execution=Execution(cell=1.0)), coloring)
-    assert chain.edge_index.cell_count.max() > prf.sampler.state.FIRST_CELL_ROOM
+    assert chain.edge_index.cell_count.max() > prf.sampler.target.FIRST_CELL_ROOM
     assert differences(chain) == structural_faults(chain) == []
     run(chain, np.random.default_rng(8), 2000)
     assert differences(chain) == structural_faults(chain) == []

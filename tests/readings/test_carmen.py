@@ -5,7 +5,7 @@ import pytest
 
 from prf.readings import NoReadings, Readings, describe
 from prf.readings.carmen import read_carmen
-from prf.readings.robot import PIONEER, half_circle
+from prf.readings.readings import PIONEER, half_circle
 from prf.shell.errors import ConfigError, InputError
 from tests.readings.samples import flaser, robot_laser
 

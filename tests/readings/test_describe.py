@@ -10,9 +10,9 @@ from prf.model.sensors import SonarModel
 from prf.readings import describe
 from prf.readings.carmen import read_carmen
 from prf.readings.describe import default_max_range, find_spoiling, warn_of_spoiling
+from prf.readings.ground import thin
 from prf.readings.readings import LogNotes, Readings
 from prf.readings.table import read_table
-from prf.readings.thinning import thin
 from tests.readings.samples import flaser
 
 

@@ -16,8 +16,7 @@ from prf.readings import Readings
 from prf.readings.ground import LONGEST_JOIN, STRAIGHT, cleared, sensor_tracks, way_guards, way_of, ways_near
 from prf.sampler.prepare import prepare
 from prf.sampler.starts import contour_map, find_start_map, map_of_region
-from prf.sampler.state import make_chain
-from prf.sampler.target import Target, laser_data
+from prf.sampler.target import Target, laser_data, make_chain
 from tests.reference.beams import Sensor
 from tests.reference.free_way import is_free
 from tests.reference.worlds import draw_world

@@ -5,7 +5,7 @@ import pytest
 
 from prf.readings import NoReadings, Readings, describe
 from prf.readings.player import read_player
-from prf.readings.robot import PIONEER
+from prf.readings.readings import PIONEER
 from prf.shell.errors import ConfigError, InputError
 from tests.readings.samples import player, player1, player_laser, position
 

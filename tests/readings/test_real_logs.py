@@ -11,7 +11,7 @@ import pytest
 from scipy.spatial import cKDTree
 
 from prf.readings import describe, read_poses, read_readings
-from prf.readings.robot import half_circle
+from prf.readings.readings import half_circle
 from prf.shell.errors import InputError, PrfError
 from tests.readings.samples import save
 

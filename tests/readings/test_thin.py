@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from prf.model.window import Window
 from prf.readings import Readings, thin
 from prf.readings.carmen import read_carmen
-from prf.readings.thinning import (
+from prf.readings.ground import (
     EVENNESS,
     PASSING,
     PLACE,
@@ -357,7 +357,7 @@ def test_completed_beams_pass_every_cell_twice_or_as_often_as_all(kept_share: fl
 
 
 def test_cells_of_a_vast_window_stay_few(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("prf.readings.thinning.MAX_CELLS", 500)
+    monkeypatch.setattr("prf.readings.ground.MAX_CELLS", 500)
     start, end = beams(50)
     passages = Passages(WINDOW, start, end)
     assert passages._grid.nx * passages._grid.ny < 1000

@@ -31,8 +31,7 @@ from prf.model.arak import exact_draws
 from prf.model.coloring import Coloring, black_at, violations
 from prf.model.layout import grow, make_targets, read_coloring
 from prf.model.window import Window
-from prf.sampler.state import make_chain
-from prf.sampler.target import Execution, Target, Tuning
+from prf.sampler.target import Execution, Target, Tuning, make_chain
 from tests.reference.plain_map import anchor_changes, plain_map
 from tests.reference.proposals import REVERSE, Plan, log_acceptance_ratio, log_proposal_density
 from tests.reference.scripted import SCRIPTS, scripted

@@ -22,8 +22,7 @@ from prf.poses.plane import Floats, compose
 from prf.readings import LogNotes, Readings, ScanTable
 from prf.sampler.poses import PoseTurns
 from prf.sampler.schedules import Plain
-from prf.sampler.state import make_chain
-from prf.sampler.target import Execution, LaserData, SonarData, Target
+from prf.sampler.target import Execution, LaserData, SonarData, Target, make_chain
 from tests.reference.beams import Sensor, draw_readings
 from tests.reference.slow_sonar import Cone, Ring
 from tests.reference.sonar_worlds import draw_data

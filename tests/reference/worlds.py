@@ -50,8 +50,8 @@ def draw_world(
 
 def office(data_dir: Path, every_scan: int, every_beam: int) -> tuple[Window, LaserData]:
     """The demo log, thinned, in the window of the demo office."""
+    from prf.readings.ground import thin
     from prf.readings.open import read_readings
-    from prf.readings.thinning import thin
 
     readings = thin(read_readings(str(data_dir / "demo-office.log.gz")), every_scan=every_scan, every_beam=every_beam)
     return Window(-1.0, -1.0, 23.0, 15.0), laser_data(readings.origin, readings.angle, readings.range, LaserModel(29.0))

@@ -12,8 +12,8 @@ from prf.model.window import Window
 from prf.results import names
 from prf.sampler import Ensemble
 from prf.sampler.checkpoint import SCHEMA, Arrays, load_checkpoint, save_checkpoint
+from prf.sampler.schedules import LadderPlan
 from prf.sampler.target import Execution, Target
-from prf.sampler.tempering import LadderPlan
 from prf.shell.cli.storage import load_arrays, save_arrays, spawn_generators
 from prf.shell.errors import InputError
 from tests.driving import advance

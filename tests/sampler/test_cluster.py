@@ -13,8 +13,8 @@ import pytest
 from prf import __version__
 from prf.model.window import Window
 from prf.sampler import Ensemble, StopRule, drive
+from prf.sampler.schedules import LadderPlan
 from prf.sampler.target import Execution, Target
-from prf.sampler.tempering import LadderPlan
 from prf.shell.cli.storage import spawn_generators
 from prf.shell.scheduler import Workers, open_pool
 from tests.reference.beams import Sensor

@@ -13,8 +13,8 @@ from prf.model.coloring import Coloring
 from prf.model.window import Window
 from prf.results import Progress
 from prf.results.convergence import Diagnosis, Verdict
-from prf.sampler import ChainRun, Ensemble, StopRule, chain, drive, driver
-from prf.sampler.driver import is_check
+from prf.sampler import ChainRun, Ensemble, StopRule, chain, drive, session
+from prf.sampler.session import is_check
 from prf.sampler.target import Execution, Target
 from prf.shell.cli.storage import spawn_generators
 
@@ -40,7 +40,7 @@ class Clock:
 @pytest.fixture
 def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
     made = Clock()
-    monkeypatch.setattr(driver, "time", SimpleNamespace(monotonic=made))
+    monkeypatch.setattr(session, "time", SimpleNamespace(monotonic=made))
     return made
 
 
@@ -103,7 +103,7 @@ def test_without_a_goal_it_stops_on_agreement(sampler: Ensemble, clock: Clock, m
         asked.append(sampler.step)
         return Verdict(sampler.step >= 40_000, "", "", False)
 
-    monkeypatch.setattr(driver, "verdict", agree_later)
+    monkeypatch.setattr(session, "verdict", agree_later)
     rounds = list(drive(sampler, StopRule()))
     assert rounds[-1].status == "converged"
     assert rounds[-1].step == 40_000
@@ -123,7 +123,7 @@ def test_chains_that_agree_stop_by_themselves(sampler: Ensemble) -> None:
 def test_without_agreement_it_stops_at_the_limit(
     sampler: Ensemble, clock: Clock, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(driver, "verdict", lambda _: Verdict(False, "", "", False))
+    monkeypatch.setattr(session, "verdict", lambda _: Verdict(False, "", "", False))
     rounds = list(drive(sampler, StopRule(limit=8.0)))
     assert [found.status for found in rounds] == ["running"] * 3 + ["not converged"]
     assert [found.share for found in rounds] == pytest.approx([2.5 / 8, 4.5 / 8, 6.5 / 8, 1.0])
@@ -132,7 +132,7 @@ def test_without_agreement_it_stops_at_the_limit(
 def test_agreement_does_not_end_a_run_with_a_goal(
     sampler: Ensemble, clock: Clock, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(driver, "verdict", lambda _: Verdict(True, "", "", True))
+    monkeypatch.setattr(session, "verdict", lambda _: Verdict(True, "", "", True))
     assert list(drive(sampler, StopRule(steps=30_000)))[-1].step == 30_000
     assert list(drive(sampler, StopRule(seconds=2.0)))[-1].seconds == 2.0
 

@@ -24,10 +24,9 @@ from prf.sampler import Ensemble, mcmc_draws
 from prf.sampler.chain import ChainRun
 from prf.sampler.checkpoint import load_checkpoint, save_checkpoint
 from prf.sampler.prior import BURN_IN_DRAWS, chosen_thin
-from prf.sampler.prior_ground import PriorGround, closed_boxes, closed_cells, prior_ground
-from prf.sampler.state import make_chain, run_chain, settle_image
-from prf.sampler.target import Execution, LaserData, Target, laser_data
-from prf.sampler.tempering import LadderPlan
+from prf.sampler.schedules import LadderPlan
+from prf.sampler.starts import PriorGround, closed_boxes, closed_cells, prior_ground
+from prf.sampler.target import Execution, LaserData, Target, laser_data, make_chain, run_chain, settle_image
 from prf.shell.cli.storage import spawn_generators
 from tests.driving import advance, find_starts, step_to
 from tests.reference.beams import Sensor

@@ -16,8 +16,7 @@ from prf.model.window import Window
 from prf.sampler import Ensemble
 from prf.sampler.chain import ChainRun
 from prf.sampler.schedules import EVEN, NEVER, TURN, TURNS, Regions, aim, has_regions, target_of_beams, unexplained
-from prf.sampler.state import make_chain, run_chain
-from prf.sampler.target import Execution, Target
+from prf.sampler.target import Execution, Target, make_chain, run_chain
 from prf.shell.cli.storage import spawn_generators
 from tests.driving import advance, find_starts, run_to
 from tests.reference.beams import Sensor

@@ -16,10 +16,9 @@ from prf.model.coloring import Coloring, black_at, occupied_polygons, violations
 from prf.model.window import Window
 from prf.sampler import Ensemble, starts
 from prf.sampler.anneal import Annealed, anneal, inverse_temperature
-from prf.sampler.driver import StopRule
+from prf.sampler.session import StopRule
 from prf.sampler.starts import contour_map, find_start_map, map_of_region
-from prf.sampler.state import make_chain
-from prf.sampler.target import Execution, Target
+from prf.sampler.target import Execution, Target, make_chain
 from prf.shell.cli.storage import spawn_generators
 from prf.shell.errors import ArgumentError, ConfigError
 from tests.driving import find_starts

@@ -21,8 +21,18 @@ from prf.model.arak import exact_draws
 from prf.model.coloring import Coloring
 from prf.model.layout import grow, read_coloring
 from prf.model.window import Window
-from prf.sampler.state import MOVE_WEIGHTS, make_chain
-from prf.sampler.target import Execution, LaserData, SonarData, Target, Tuning, laser_data, one_colour_map, point_data
+from prf.sampler.target import (
+    MOVE_WEIGHTS,
+    Execution,
+    LaserData,
+    SonarData,
+    Target,
+    Tuning,
+    laser_data,
+    make_chain,
+    one_colour_map,
+    point_data,
+)
 from tests.reference.arak_laws import log_density
 from tests.reference.beams import Sensor, log_likelihoods_in
 from tests.reference.chain_state import digest, structural_faults

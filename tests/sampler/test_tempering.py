@@ -18,14 +18,22 @@ from prf.model.window import Window
 from prf.results.convergence import disagree, worst_rhat
 from prf.sampler import Ensemble
 from prf.sampler import ensemble as ensembles
-from prf.sampler import tempering as module
+from prf.sampler import schedules as module
 from prf.sampler.chain import LONGEST_BLOCK
 from prf.sampler.checkpoint import load_checkpoint, save_checkpoint
 from prf.sampler.ensemble import FIRST_LOOK, is_look
 from prf.sampler.prepare import ladder_plan
-from prf.sampler.state import exchanged, make_chain, penalised_log_likelihood, repaint, with_map
-from prf.sampler.target import Execution, Target, occupied_cost
-from prf.sampler.tempering import AUTO_TEMPERATURES, Ladder, LadderPlan, even_powers, stretched_powers
+from prf.sampler.schedules import AUTO_TEMPERATURES, Ladder, LadderPlan, even_powers, stretched_powers
+from prf.sampler.target import (
+    Execution,
+    Target,
+    exchanged,
+    make_chain,
+    occupied_cost,
+    penalised_log_likelihood,
+    repaint,
+    with_map,
+)
 from prf.shell.cli.storage import spawn_generators
 from tests.driving import advance
 from tests.reference.beams import Sensor

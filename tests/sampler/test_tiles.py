@@ -16,8 +16,7 @@ from prf.model.window import Window
 from prf.sampler import Ensemble
 from prf.sampler.chain import functionals
 from prf.sampler.prepare import chosen_tiles
-from prf.sampler.state import make_chain, run_chain
-from prf.sampler.target import Execution, Target
+from prf.sampler.target import Execution, Target, make_chain, run_chain
 from prf.sampler.tiles.part import cut_targets, make_part
 from prf.sampler.tiles.rounds import Round, TileData, make_round, make_tile_data, random_tiles
 from prf.sampler.tiles.schedule import draw_at, finish_round, work_tile

@@ -17,7 +17,7 @@ from prf.poses.plane import seen_from, wrapped
 from prf.readings import read_readings
 from prf.readings.carmen import read_carmen
 from prf.readings.describe import default_max_range
-from prf.readings.robot import PIONEER, mounted
+from prf.readings.readings import PIONEER, mounted
 from prf.readings.table import read_table
 from prf.shell.errors import ConfigError
 from prf.shell.poses.files import read_pose_file

@@ -11,8 +11,7 @@ import numpy as np
 from prf.model.arak import exact_draws
 from prf.model.coloring import Coloring, Draws
 from prf.model.layout import read_coloring
-from prf.sampler.state import make_chain, run_chain
-from prf.sampler.target import Target
+from prf.sampler.target import Target, make_chain, run_chain
 from tests.reference.free_way import is_free
 from tests.statistical import mutants
 from tests.statistical.problems import NAMES, PROBLEMS

@@ -10,8 +10,7 @@ from prf.model.arak import exact_draws
 from prf.model.coloring import Coloring, Draws, black_areas, black_at_draws
 from prf.model.layout import make_guards, read_coloring
 from prf.model.window import Window
-from prf.sampler.state import make_chain, run_chain
-from prf.sampler.target import Target
+from prf.sampler.target import Target, make_chain, run_chain
 from tests.reference.free_way import obstacles
 from tests.statistical.means import Floats, Mean, weighted_mean
 

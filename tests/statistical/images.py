@@ -17,8 +17,8 @@ from prf.model.coloring import Draws, black_at_draws
 from prf.model.window import Window
 from prf.results.convergence import diagnose
 from prf.sampler import Ensemble
+from prf.sampler.schedules import LadderPlan
 from prf.sampler.target import Target
-from prf.sampler.tempering import LadderPlan
 from prf.shell.cli.console import progress
 from tests.driving import advance
 from tests.reference.disagreement_loops import sample

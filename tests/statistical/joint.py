@@ -23,9 +23,8 @@ from prf.kernels.state.build import recompute_sums
 from prf.kernels.state.chain import Chain
 from prf.model.coloring import Coloring, Draws
 from prf.model.layout import read_coloring
-from prf.sampler.state import make_chain, run_chain
-from prf.sampler.target import Target
-from prf.sampler.tempering import Ladder, LadderPlan
+from prf.sampler.schedules import Ladder, LadderPlan
+from prf.sampler.target import Target, make_chain, run_chain
 from prf.sampler.tiles.rounds import make_round, make_tile_data
 from prf.sampler.tiles.schedule import finish_round, work_tile
 from prf.shell.cli.console import progress

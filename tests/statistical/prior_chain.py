@@ -21,8 +21,7 @@ from prf.model.arak import exact_draws
 from prf.model.coloring import Coloring, Draws
 from prf.model.layout import grow, make_targets, read_coloring
 from prf.model.window import Window
-from prf.sampler.state import make_chain
-from prf.sampler.target import Target
+from prf.sampler.target import Target, make_chain
 from tests.statistical.laws import law_scores
 
 UNIT = Window(0.0, 0.0, 1.0, 1.0)

@@ -18,8 +18,7 @@ from prf.model.arak import exact_draws
 from prf.model.coloring import Coloring, Draws, black_areas, black_at, black_at_draws
 from prf.model.layout import make_graph
 from prf.model.window import Window
-from prf.sampler.state import make_chain, with_graph
-from prf.sampler.target import Execution, Target, laser_data
+from prf.sampler.target import Execution, Target, laser_data, make_chain, with_graph
 from tests.reference import beams, slow_points, slow_sonar
 from tests.reference.beams import Sensor, draw_readings, impacts
 from tests.reference.free_way import is_free

@@ -18,8 +18,7 @@ from prf.model.sensors import LaserModel
 from prf.model.window import Window
 from prf.sampler import schedules as focusing
 from prf.sampler.schedules import Regions
-from prf.sampler.state import make_chain, with_graph
-from prf.sampler.target import Execution, Target, Tuning, laser_data
+from prf.sampler.target import Execution, Target, Tuning, laser_data, make_chain, with_graph
 from tests.driving import run_to
 from tests.statistical.laws import LawScores, law_scores
 from tests.statistical.means import Mean, batch_mean, largest, weighted_mean, z_scores

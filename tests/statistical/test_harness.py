@@ -10,7 +10,7 @@ import pytest
 
 from prf.model.coloring import Coloring
 from prf.model.layout import read_coloring
-from prf.sampler.state import make_chain, run_chain
+from prf.sampler.target import make_chain, run_chain
 from tests.reference.free_way import is_free
 from tests.statistical import ways
 from tests.statistical.__main__ import main

@@ -11,7 +11,7 @@ from benchmarks import multimodal
 from prf.kernels import constants as c
 from prf.model.coloring import Draws, black_at
 from prf.readings import read_readings
-from prf.sampler.state import make_chain
+from prf.sampler.target import make_chain
 
 SEED = 1
 

@@ -16,8 +16,7 @@ from prf.model.coloring import Draws, black_at_draws
 from prf.model.layout import read_coloring
 from prf.model.points import log_density
 from prf.model.window import Window
-from prf.sampler.state import make_chain, run_chain
-from prf.sampler.target import PointData, Target, one_colour_map, point_data
+from prf.sampler.target import PointData, Target, make_chain, one_colour_map, point_data, run_chain
 from tests.reference.slow_points import Flips, Normal
 from tests.statistical.means import Floats, Mean, batch_mean, weighted_mean, z_scores
 

@@ -19,9 +19,8 @@ from prf.model.layout import make_graph, read_coloring
 from prf.model.sensors import LaserModel
 from prf.model.window import INTERIOR, Window
 from prf.sampler.chain import ChainRun
-from prf.sampler.prior_ground import PriorGround, edge_density
-from prf.sampler.state import make_chain, run_chain, with_graph
-from prf.sampler.target import Target, laser_data
+from prf.sampler.starts import PriorGround, edge_density
+from prf.sampler.target import Target, laser_data, make_chain, run_chain, with_graph
 from tests.reference.free_way import is_free
 from tests.statistical.driven import NAMES, ROOM, values
 from tests.statistical.means import Mean, batch_mean, largest, weighted_mean, z_scores

@@ -17,8 +17,7 @@ from prf.model.coloring import Coloring, Draws, violations
 from prf.model.layout import grow, make_targets
 from prf.model.window import Window
 from prf.sampler import mcmc_draws
-from prf.sampler.state import make_chain
-from prf.sampler.target import Target, Tuning
+from prf.sampler.target import Target, Tuning, make_chain
 from tests.statistical import mutants
 from tests.statistical.laws import LawScores, law_scores, residuals
 from tests.statistical.means import largest

@@ -16,9 +16,8 @@ from prf.model.laser import deal_levels
 from prf.model.layout import read_coloring
 from prf.model.sensors import LaserModel
 from prf.model.window import Window
-from prf.sampler.state import make_chain, run_chain, with_map
-from prf.sampler.target import Target, laser_data
-from prf.sampler.tempering import Ladder, LadderPlan
+from prf.sampler.schedules import Ladder, LadderPlan
+from prf.sampler.target import Target, laser_data, make_chain, run_chain, with_map
 from tests.driving import run_to
 from tests.statistical.means import Floats, Mean, batch_mean, largest, weighted_mean, z_scores
 

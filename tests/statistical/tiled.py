@@ -21,8 +21,7 @@ from prf.kernels.step import run
 from prf.model.coloring import Coloring, Draws, black_at
 from prf.model.layout import grow, read_coloring
 from prf.model.window import INTERIOR, Window
-from prf.sampler.state import make_chain
-from prf.sampler.target import Target, laser_data
+from prf.sampler.target import Target, laser_data, make_chain
 from prf.sampler.tiles.rounds import Round, TileData, make_round, make_tile_data
 from prf.sampler.tiles.schedule import finish_round, work_tile
 from tests.reference.beams import Sensor, draw_readings

@@ -19,9 +19,8 @@ from prf.model.coloring import Coloring, Draws
 from prf.model.layout import read_coloring
 from prf.results.convergence import diagnose
 from prf.sampler import Ensemble
-from prf.sampler.state import make_chain, run_chain, with_map
-from prf.sampler.target import Target
-from prf.sampler.tempering import LadderPlan
+from prf.sampler.schedules import LadderPlan
+from prf.sampler.target import Target, make_chain, run_chain, with_map
 from prf.sampler.tiles import rounds, schedule
 from prf.shell.cli.storage import spawn_generators
 from tests.driving import advance

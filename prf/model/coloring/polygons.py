@@ -10,7 +10,7 @@ from shapely.geometry.base import BaseGeometry
 from shapely.geometry.polygon import orient
 
 from prf.model.coloring.graph import Coloring, black_at
-from prf.model.domain import LARGEST_COORDINATE
+from prf.model.sensors import LARGEST_COORDINATE
 from prf.model.window import BOTTOM, INTERIOR, LEFT, RIGHT, SIDE_NAMES, SIDES, TOP, Window
 from prf.shell.errors import InputError
 

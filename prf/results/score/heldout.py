@@ -18,7 +18,7 @@ from prf.model.window import Window
 from prf.poses.model import LocalReadings, pose_model
 from prf.readings import Readings, thin
 from prf.readings.describe import default_max_range
-from prf.readings.robot import fields_of_view
+from prf.readings.readings import fields_of_view
 from prf.shell.errors import InputError
 
 Floats = NDArray[np.float64]

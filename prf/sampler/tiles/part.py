@@ -32,8 +32,7 @@ from prf.model.layout import bare_graph, make_guards, make_index, make_proposal,
 from prf.model.sonar import make_cones
 from prf.model.window import Window
 from prf.readings.ground import ways_near
-from prf.sampler.state import FIRST_CAPACITY, FIRST_CELL_ROOM, painted_points
-from prf.sampler.target import PointData
+from prf.sampler.target import FIRST_CAPACITY, FIRST_CELL_ROOM, PointData, painted_points
 from prf.sampler.tiles.rounds import Round, TileData, tiles_at
 
 Floats = NDArray[np.float64]

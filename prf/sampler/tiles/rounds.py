@@ -26,8 +26,7 @@ from prf.model.sensors import LaserModel, SonarModel
 from prf.model.window import INTERIOR, Window
 from prf.readings.ground import way_guards
 from prf.sampler.chain import FIRST_THIN
-from prf.sampler.state import BORDER_MOVES
-from prf.sampler.target import NO_LASER, NO_SONAR, Target, poses_of, rays_of, return_points, white_places
+from prf.sampler.target import BORDER_MOVES, NO_LASER, NO_SONAR, Target, poses_of, rays_of, return_points, white_places
 
 Floats = NDArray[np.float64]
 

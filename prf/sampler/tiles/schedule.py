@@ -18,8 +18,7 @@ from prf.model.coloring import Coloring, black_at
 from prf.model.window import INTERIOR, Window
 from prf.sampler.chain import Draw, Record, burn_in, functionals
 from prf.sampler.schedules import Plain, Steps
-from prf.sampler.state import make_chain, run_chain, with_map
-from prf.sampler.target import Execution, Target
+from prf.sampler.target import Execution, Target, make_chain, run_chain, with_map
 from prf.sampler.tiles.part import Part, make_part
 from prf.sampler.tiles.rounds import (
     PLAIN_SHARE,

@@ -18,8 +18,7 @@ from prf.model.coloring import Coloring, black_at
 from prf.model.laser import aims_of, best_log_likelihood, laser_array, make_rays, window_exit
 from prf.model.sensors import LaserModel
 from prf.model.window import INTERIOR, Window
-from prf.sampler.state import make_chain
-from prf.sampler.target import Execution, Target, laser_data
+from prf.sampler.target import Execution, Target, laser_data, make_chain
 from prf.shell.errors import ArgumentError
 from tests.kernels.entries import hit_table, log_likelihoods
 from tests.reference.beams import Sensor, exit_by_shapely, impacts, mass_from

@@ -23,8 +23,7 @@ from prf.model.sensors import SonarModel
 from prf.model.sonar import make_poses, sonar_array
 from prf.model.window import Window
 from prf.results.score.scene import features_seen, scene_of_coloring
-from prf.sampler.state import make_chain
-from prf.sampler.target import Execution, Target, sonar_data
+from prf.sampler.target import Execution, Target, make_chain, sonar_data
 from prf.shell.errors import ArgumentError, ConfigError
 from tests.kernels.entries import see_all
 from tests.reference.recompute import differences
