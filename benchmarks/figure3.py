@@ -24,8 +24,8 @@ from prf.kernels.readings.cones import READING
 from prf.kernels.readings.sonar_features import BEARING, CORNER, DEPTH, KIND, PROJECTION, SUBTENDED
 from prf.kernels.score.sonar import Scene, add_sonar_densities
 from prf.model.coloring import Coloring, from_polygons
+from prf.model.ranges import make_poses, return_probabilities, sonar_array
 from prf.model.sensors import SonarModel
-from prf.model.sonar import make_poses, return_probabilities, sonar_array
 from prf.model.window import Window
 from prf.output.pictures.posterior import fill_map
 from prf.results.score.scene import features_seen, scene_of_coloring

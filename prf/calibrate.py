@@ -21,9 +21,8 @@ from scipy import optimize, special
 
 from prf.configuration import Configuration
 from prf.kernels.readings.sonar_features import CORNER, DEPTH, KIND, PROJECTION, SUBTENDED
-from prf.model.laser import unit_vectors, window_exit
+from prf.model.ranges import make_poses, unit_vectors, window_exit
 from prf.model.sensors import LaserModel, SonarModel
-from prf.model.sonar import make_poses
 from prf.readings import Readings, thin
 from prf.readings.describe import default_max_range
 from prf.readings.readings import fields_of_view

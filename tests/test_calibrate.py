@@ -25,8 +25,8 @@ from prf.calibrate import (
 )
 from prf.configuration import Configuration
 from prf.model.coloring import black_at
+from prf.model.ranges import make_poses
 from prf.model.sensors import SonarModel
-from prf.model.sonar import make_poses
 from prf.model.window import Window
 from prf.output.export.cells import Raster, ros_map
 from prf.results.score import OccupiedArea, PolygonMap, hold_out_sonar, read_occupied_area, score

@@ -20,7 +20,7 @@ from prf.kernels.state.proposal import N_PROPOSAL_COUNTS, Proposal
 from prf.kernels.state.sites import Sites
 from prf.kernels.state.targets import NEAR, Targets
 from prf.model.coloring import Coloring, Draws, black_at, count_black
-from prf.model.sonar import make_sight
+from prf.model.ranges import make_sight
 from prf.model.window import Window
 
 Floats = NDArray[np.float64]

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from prf.model.laser import unit_vectors
+from prf.model.ranges import unit_vectors
 from prf.poses.model import PoseModel
 from prf.poses.plane import Floats, compose
 from prf.readings import Readings

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from prf.model.laser import unit_vectors
+from prf.model.ranges import unit_vectors
 from prf.model.sensors import LARGEST_RANGE, SonarModel
 from prf.model.window import Window
 from prf.readings.readings import Kind, Readings, ScanTable

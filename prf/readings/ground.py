@@ -27,10 +27,9 @@ from prf.kernels.readings.cones import MAX_DISTANCE
 from prf.kernels.score.passed_cells import choose_lacking, count_passes, mark_cones
 from prf.kernels.state.grid import Grid, make_grid, most_cells
 from prf.kernels.state.guards import GUARD_WAY, N_SHAPE
-from prf.model.laser import unit_vectors, window_exit
 from prf.model.layout import image_grid
+from prf.model.ranges import make_poses, unit_vectors, window_exit
 from prf.model.sensors import SonarModel
-from prf.model.sonar import make_poses
 from prf.model.window import Window
 from prf.readings.points import PointTable
 from prf.readings.readings import Readings

@@ -11,7 +11,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from prf.model.laser import unit_vectors
+from prf.model.ranges import unit_vectors
 from prf.model.sensors import LARGEST_RANGE
 from prf.readings.text import FloatArray, IntArray, check_domains
 from prf.shell.cli.pictures import card

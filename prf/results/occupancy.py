@@ -22,8 +22,8 @@ from numpy.typing import ArrayLike, NDArray
 from prf.configuration import Configuration
 from prf.kernels.score.occupancy import Cells, update_beams, update_cones
 from prf.kernels.state.grid import Grid, most_cells
-from prf.model.laser import unit_vectors, window_exit
 from prf.model.layout import image_grid
+from prf.model.ranges import unit_vectors, window_exit
 from prf.model.window import Window
 from prf.readings import Kind, Readings, thin, warn_of_spoiling
 from prf.readings.describe import default_max_range

@@ -19,9 +19,8 @@ from prf.kernels.readings.cones import N_POSE, READING
 from prf.kernels.readings.sonar import SONAR_MAX
 from prf.kernels.state.build import recompute_sums, trace_all
 from prf.kernels.state.chain import Chain
-from prf.model.laser import make_beams
 from prf.model.layout import make_sites
-from prf.model.sonar import make_cones
+from prf.model.ranges import make_beams, make_cones
 from prf.poses.model import LocalReadings, PoseModel
 from prf.poses.plane import wrapped
 from prf.sampler.schedules import Plain, Steps

@@ -36,8 +36,8 @@ from prf.kernels.state.guards import GUARD_BOX, N_SHAPE
 from prf.kernels.step import run
 from prf.model.arak import exact_draws
 from prf.model.coloring import Coloring, from_polygons, occupied_polygons
-from prf.model.laser import beam_influence, unit_vectors, window_exit
 from prf.model.layout import grow, make_guards, make_index, read_coloring
+from prf.model.ranges import beam_influence, unit_vectors, window_exit
 from prf.model.window import Window
 from prf.readings.ground import cleared, way_guards
 from prf.sampler.target import (

@@ -22,7 +22,6 @@ from prf.kernels.state.grid import make_grid
 from prf.kernels.state.image import settle_all
 from prf.kernels.step import run
 from prf.model.coloring import Coloring, black_at
-from prf.model.laser import empty_lists, make_beams, make_rays
 from prf.model.layout import (
     grow,
     make_graph,
@@ -37,8 +36,8 @@ from prf.model.layout import (
     read_coloring,
 )
 from prf.model.points import log_density, make_points, paint
+from prf.model.ranges import empty_lists, make_beams, make_cones, make_poses, make_rays, make_sight
 from prf.model.sensors import LaserModel, PointModel, SonarModel
-from prf.model.sonar import make_cones, make_poses, make_sight
 from prf.model.window import Window
 from prf.poses.model import PoseModel
 from prf.readings import PointTable, Readings

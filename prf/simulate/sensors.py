@@ -6,7 +6,7 @@ its free side to the sensor covers an interval of bearings, so only the beams in
 Sonars hear specular reflections: what a pulse meets face on, or in a corner, sends it back. A wall echoes from the foot
 of the perpendicular on it, a right-angled corner of the room from every direction, and an edge that sticks out weakly;
 each must be in view. The reading is the nearest echo that is loud enough. Nothing here is taken from the likelihood of
-:mod:`prf.model.sonar`, so that maps made with it can be judged (docs/simulation.md).
+:mod:`prf.model.ranges`, so that maps made with it can be judged (docs/simulation.md).
 """
 
 from __future__ import annotations

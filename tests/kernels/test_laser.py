@@ -12,8 +12,8 @@ from scipy import integrate
 
 from prf.kernels.step import run
 from prf.model.coloring import Coloring
-from prf.model.laser import laser_array
 from prf.model.layout import grow
+from prf.model.ranges import laser_array
 from prf.model.sensors import LaserModel
 from prf.model.window import Window
 from prf.sampler.target import Execution, Target, make_chain

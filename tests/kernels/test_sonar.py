@@ -14,7 +14,7 @@ from prf.kernels.readings.sonar import OUTLIER_SHORT, OUTLIER_UNIFORM
 from prf.model.arak import exact_draws
 from prf.model.coloring import Coloring, black_at
 from prf.model.coloring.polygons import from_polygons
-from prf.model.sonar import make_poses, make_sight, sonar_array
+from prf.model.ranges import make_poses, make_sight, sonar_array
 from prf.model.window import INTERIOR, Window
 from tests.kernels.entries import see_all, sonar_table
 from tests.reference import slow_sonar as slow

@@ -9,8 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from prf.model.coloring import Coloring, black_at, occupied_polygons
-from prf.model.laser import window_exit
-from prf.model.sonar import make_poses
+from prf.model.ranges import make_poses, window_exit
 from prf.model.window import Window
 from prf.readings import Readings
 from prf.results.score import OccupiedArea

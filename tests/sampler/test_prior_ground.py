@@ -16,8 +16,8 @@ from prf.kernels.state.build import recompute_sums
 from prf.kernels.state.chain import Chain
 from prf.kernels.state.grid import Grid
 from prf.model.coloring import Coloring, Draws, black_at, violations
-from prf.model.laser import beam_influence
 from prf.model.layout import pixel_centres, read_coloring
+from prf.model.ranges import beam_influence
 from prf.model.sensors import LaserModel
 from prf.model.window import Window
 from prf.sampler import Ensemble, mcmc_draws

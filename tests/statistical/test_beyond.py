@@ -15,9 +15,8 @@ from scipy import stats
 from prf.kernels import constants as c
 from prf.model.coloring import Coloring, black_at_draws
 from prf.model.coloring.polygons import from_polygons, occupied_polygons
-from prf.model.laser import make_rays
+from prf.model.ranges import make_poses, make_rays
 from prf.model.sensors import LaserModel, SonarModel
-from prf.model.sonar import make_poses
 from prf.model.window import Window
 from prf.sampler import Ensemble
 from prf.sampler import target as targets

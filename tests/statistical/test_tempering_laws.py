@@ -12,8 +12,8 @@ from prf.kernels import constants as c
 from prf.kernels.state.chain import Chain
 from prf.model.arak import exact_draws
 from prf.model.coloring import Coloring, black_at
-from prf.model.laser import deal_levels
 from prf.model.layout import read_coloring
+from prf.model.ranges import deal_levels
 from prf.model.sensors import LaserModel
 from prf.model.window import Window
 from prf.sampler.schedules import Ladder, LadderPlan

@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 from prf.configuration import Configuration
 from prf.kernels.readings.cones import READING
 from prf.kernels.readings.sonar_features import POSE_X, POSE_Y
-from prf.model.laser import unit_vectors, window_exit
+from prf.model.ranges import make_poses, unit_vectors, window_exit
 from prf.model.sensors import LaserModel, SonarModel
-from prf.model.sonar import make_poses
 from prf.model.window import Window
 from prf.poses.model import LocalReadings, pose_model
 from prf.readings import Readings, thin

@@ -16,9 +16,8 @@ from shapely.geometry.base import BaseGeometry
 from prf.kernels.score.laser import add_densities, grid_beams
 from prf.kernels.score.sonar import Scene, add_sonar_densities, grid_cones
 from prf.model.coloring import Coloring, Draws, black_at_draws
-from prf.model.laser import laser_array
+from prf.model.ranges import laser_array, sonar_array
 from prf.model.sensors import LaserModel
-from prf.model.sonar import sonar_array
 from prf.model.window import Window
 from prf.results import PosteriorImage, estimate, names, read_run_data
 from prf.results.geojson import OccupiedArea, area_of_cells, read_occupied_area

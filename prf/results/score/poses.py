@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
-from prf.model.laser import beam_influence
+from prf.model.ranges import beam_influence
 from prf.results.score.heldout import HeldOut
 from prf.results.score.maps import ScoredMap
 from prf.shell.cli.console import progress

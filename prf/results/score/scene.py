@@ -16,7 +16,7 @@ from prf.kernels.state.cell_lists import first_segments, list_segments
 from prf.kernels.state.grid import Grid, make_grid, most_cells
 from prf.model.coloring import Coloring
 from prf.model.coloring.polygons import turning_corners
-from prf.model.sonar import make_sight
+from prf.model.ranges import make_sight
 from prf.model.window import INTERIOR, Window
 
 Floats = NDArray[np.float64]
@@ -97,7 +97,7 @@ def enclosing_window(origin: Floats, reach: float, region: BaseGeometry) -> Wind
 def features_seen(scene: Scene, pose: Floats, reach: float) -> tuple[NDArray[np.int64], Floats]:
     """Return the features in each cone, nearest first.
 
-    `pose` (n, N_POSE): from :func:`prf.model.sonar.make_poses`. `reach`: maximum range, metres. Returns `start`
+    `pose` (n, N_POSE): from :func:`prf.model.ranges.make_poses`. `reach`: maximum range, metres. Returns `start`
     (n + 1,), of which rows `start[i]` to before `start[i + 1]` belong to cone i, and features (n_features, N_FEATURE),
     columns as in ``prf.kernels.readings.sonar_features``.
     """

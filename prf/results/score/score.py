@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from prf.kernels.readings.sonar_features import BORDER, POSE_COS, POSE_SIN
-from prf.model.laser import window_exit
 from prf.model.layout import image_grid, pixel_centres
+from prf.model.ranges import window_exit
 from prf.model.sensors import LARGEST_RANGE
 from prf.model.window import Window
 from prf.results.geojson import OccupiedArea

@@ -27,9 +27,8 @@ from prf.kernels.state.guards import GUARD_RAY, GUARD_TRIANGLE, N_SHAPE, Guards,
 from prf.kernels.state.image import Image, count_edges
 from prf.kernels.state.targets import Targets
 from prf.model.coloring import Coloring
-from prf.model.laser import MARGIN, aims_of, make_beams
 from prf.model.layout import bare_graph, make_guards, make_index, make_proposal, make_sites
-from prf.model.sonar import make_cones
+from prf.model.ranges import MARGIN, aims_of, make_beams, make_cones
 from prf.model.window import Window
 from prf.readings.ground import ways_near
 from prf.sampler.target import FIRST_CAPACITY, FIRST_CELL_ROOM, PointData, painted_points

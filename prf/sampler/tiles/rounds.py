@@ -20,8 +20,8 @@ from prf.kernels.state.chain import Chain
 from prf.kernels.state.grid import Grid, make_grid
 from prf.kernels.state.targets import Targets
 from prf.model.coloring import Coloring
-from prf.model.laser import beam_influence
 from prf.model.layout import make_targets, read_coloring
+from prf.model.ranges import beam_influence
 from prf.model.sensors import LaserModel, SonarModel
 from prf.model.window import INTERIOR, Window
 from prf.readings.ground import way_guards
@@ -60,7 +60,7 @@ class TileData:
     target: Target
     laser: LaserModel  # models; of no consequence without readings
     sonar: SonarModel  # models; of no consequence without readings
-    ray: Floats  # (n, N_RAY): beams as :func:`prf.model.laser.make_rays` lays them out
+    ray: Floats  # (n, N_RAY): beams as :func:`prf.model.ranges.make_rays` lays them out
     influence: Floats  # (n,): distance beyond which no obstacle changes the likelihood of the beam, metres
     end: Floats  # (n, 2): point whose tile answers for the beam: where the return lies, or half way without one
     pose: Floats  # (m, N_POSE): sonar readings

@@ -15,7 +15,7 @@ from prf.kernels.state.build import trace_all
 from prf.kernels.state.chain import Chain
 from prf.model.arak import exact_draws
 from prf.model.coloring import Coloring, black_at
-from prf.model.laser import aims_of, best_log_likelihood, laser_array, make_rays, window_exit
+from prf.model.ranges import aims_of, best_log_likelihood, laser_array, make_rays, window_exit
 from prf.model.sensors import LaserModel
 from prf.model.window import INTERIOR, Window
 from prf.sampler.target import Execution, Target, laser_data, make_chain

@@ -12,7 +12,7 @@ from prf.kernels import constants as c
 from prf.kernels.readings.beams import Beams
 from prf.kernels.readings.laser_change import FADED
 from prf.kernels.state.grid import Grid
-from prf.model.laser import (
+from prf.model.ranges import (
     MARGIN,
     aims_of,
     best_log_likelihood,

@@ -7,10 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from prf.model.laser import laser_array
 from prf.model.points import estimated_sigma, log_density, resolved, window_round
+from prf.model.ranges import laser_array, sonar_array
 from prf.model.sensors import MAX_FACTOR, LaserModel, PointModel, SonarModel
-from prf.model.sonar import sonar_array
 from prf.shell.errors import ArgumentError, ConfigError
 from tests.reference.slow_points import Flips, Normal, lattice, most_likely_sigma
 

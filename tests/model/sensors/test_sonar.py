@@ -15,12 +15,12 @@ from prf.kernels.readings import cones as k
 from prf.kernels.readings import sonar_features as v
 from prf.kernels.score.sonar import Scene, add_sonar_densities
 from prf.kernels.state.build import trace_all
-from prf.model import sonar as sensor
+from prf.model import ranges as sensor
 from prf.model.arak import exact_draws
 from prf.model.coloring import Coloring, black_at
 from prf.model.coloring.polygons import from_polygons
+from prf.model.ranges import make_poses, sonar_array
 from prf.model.sensors import SonarModel
-from prf.model.sonar import make_poses, sonar_array
 from prf.model.window import Window
 from prf.results.score.scene import features_seen, scene_of_coloring
 from prf.sampler.target import Execution, Target, make_chain, sonar_data
