@@ -170,8 +170,16 @@ def pixel_centres(grid: Grid) -> Floats:
 def make_image(coloring: Coloring, graph: Graph, resolution: float | None) -> Image:
     """Return the occupancy image of a chain at its start, or an empty one."""
     grid = Grid(0.0, 0.0, 1.0, 0, 0) if resolution is None else image_grid(coloring.window, resolution)
+    image = white_image(grid)
+    if len(image.black) > 0:
+        paint_image(image, coloring, int(graph.counts[c.STEP]))
+    return image
+
+
+def white_image(grid: Grid) -> Image:
+    """Return an image without edges, its times at nothing."""
     n = grid.nx * grid.ny
-    image = Image(
+    return Image(
         grid=grid,
         black=np.zeros(n, np.uint8),
         n_edges=np.zeros(n, np.int32),
@@ -182,9 +190,6 @@ def make_image(coloring: Coloring, graph: Graph, resolution: float | None) -> Im
         path=np.zeros(most_cells(grid), np.int32),
         crossings=np.zeros(2 * c.MOST_CHANGES),
     )
-    if n > 0:
-        paint_image(image, coloring, int(graph.counts[c.STEP]))
-    return image
 
 
 def paint_image(image: Image, coloring: Coloring, step: int) -> None:

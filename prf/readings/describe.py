@@ -143,6 +143,7 @@ MAX_RANGE = 1000.0
 """Metres. Some drivers write the largest float for "no return", which makes a default maximum range of no use."""
 USUAL_STEP, USUAL_RANGE, USUAL_ECHO = 100.0, 100.0, 20.0
 """Metres. Half of the steps, returns or echoes beyond them are a log in millimetres or centimetres."""
+MOST_LISTED = 8  # scans that a sentence names
 MAX_ANGLE = 4 * np.pi  # radians. Beyond it headings are counted over turns at best, in degrees at worst
 
 
@@ -288,9 +289,9 @@ def _odd_lines(readings: Readings) -> Iterator[Suspicion]:
         yield Suspicion("odd-line", f"lines of unknown kinds were skipped: {kinds}")
 
 
-def _list(numbers: tuple[int, ...], word: str, most: int = 8) -> str:
+def _list(numbers: tuple[int, ...], word: str) -> str:
     """Return ``scan 5`` or ``scans 5, 8, ... (12 in all)``."""
-    shown = ", ".join(map(str, numbers[:most]))
+    shown = ", ".join(map(str, numbers[:MOST_LISTED]))
     if len(numbers) == 1:
         return f"{word} {shown}"
-    return f"{word}s {shown}" + (f" ... ({len(numbers)} in all)" if len(numbers) > most else "")
+    return f"{word}s {shown}" + (f" ... ({len(numbers)} in all)" if len(numbers) > MOST_LISTED else "")

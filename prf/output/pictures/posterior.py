@@ -37,17 +37,14 @@ def render_posterior(
     squares: bool = False,
     outline: bool = True,
     path: bool = True,
-    beams: bool = False,
-    disagreement: bool = True,
     title: str | None = None,
 ) -> None:
     """Draw how probably each point is occupied: white free, mid-grey unknown, black occupied; unseen cells hatched.
 
     `run`: with an image. `target`: where to write the picture. `squares`: show how probably each cell is not completely
     white instead of the colour at its centre (section 1.3.3). `outline`: draw the edges of the best map over it.
-    `path`: draw the sensor's path. `beams`: draw the beams of the laser and the arcs of the sonar, thinly, and the
-    points with their values. `disagreement`: tint the seen cells at which chains differ (docs/convergence.md). `title`:
-    instead of the default one.
+    `path`: draw the sensor's path. `title`: instead of the default one. Seen cells at which chains differ are tinted
+    (docs/convergence.md).
     """
     run = run.placed()
     if run.image is None:
@@ -60,16 +57,10 @@ def render_posterior(
     draw_unseen(axes, run.image)
     style.show_window(axes, window)
     words = "not free" if squares else "occupied"
-    if disagreement and draw_disagreement(axes, run.image):
+    if draw_disagreement(axes, run.image):
         words += "\nviolet: chains differ"
     if run.best is not None and outline:
         draw_outline(axes, run.best, run.image)
-    if run.laser is not None and beams:
-        draw_beams(axes, run.laser)
-    if run.sonar is not None and beams:
-        draw_cones(axes, run.sonar)
-    if run.points is not None and beams:
-        draw_points(axes, run.points)
     if path:
         draw_path(axes, run.path_xy)
     _add_colour_bar(page, drawn, window, words)
@@ -253,14 +244,14 @@ def thinned(rows: NDArray[Any]) -> NDArray[Any]:
     return rows[:: max(1, -(-len(rows) // MOST_BEAMS))]
 
 
-def draw_beams(axes: Axes, beams: Readings, width: float = 0.4, strength: float = 0.45) -> None:
+def draw_beams(axes: Axes, beams: Readings, width: float = 0.4) -> None:
     """Draw the beams that returned, from sensor to impact."""
     from matplotlib.collections import LineCollection
 
     hit = thinned(np.flatnonzero(beams.returned))
     lines = np.stack((beams.origin[hit], beams.select(hit).impacts()), axis=1)
     axes.add_collection(
-        LineCollection(list(lines), colors=BEAM, linewidths=width, alpha=strength, zorder=1.5), autolim=False
+        LineCollection(list(lines), colors=BEAM, linewidths=width, alpha=0.45, zorder=1.5), autolim=False
     )
 
 
@@ -271,13 +262,13 @@ def draw_impacts(axes: Axes, beams: Readings) -> None:
     axes.plot(*impacts.T, linestyle="none", marker="o", markersize=size, markeredgewidth=0.0, color=IMPACT, zorder=2.5)
 
 
-def draw_cones(axes: Axes, cones: Readings, width: float = 0.5, strength: float = 0.45) -> None:
+def draw_cones(axes: Axes, cones: Readings) -> None:
     """Draw an arc across the field of view at the distance of every sonar reading that returned."""
     from matplotlib.collections import LineCollection
 
     arcs = thinned(cones.arcs())
     axes.add_collection(
-        LineCollection(list(arcs), colors=IMPACT, linewidths=width, alpha=strength, zorder=1.6), autolim=False
+        LineCollection(list(arcs), colors=IMPACT, linewidths=0.5, alpha=0.45, zorder=1.6), autolim=False
     )
 
 

@@ -27,7 +27,7 @@ from prf.kernels.state.guards import GUARD_RAY, GUARD_TRIANGLE, N_SHAPE, Guards,
 from prf.kernels.state.image import Image, count_edges
 from prf.kernels.state.targets import Targets
 from prf.model.coloring import Coloring
-from prf.model.layout import bare_graph, make_guards, make_index, make_proposal, make_sites
+from prf.model.layout import bare_graph, make_guards, make_index, make_proposal, make_sites, white_image
 from prf.model.ranges import MARGIN, aims_of, make_beams, make_cones
 from prf.model.window import Window
 from prf.readings.ground import ways_near
@@ -190,19 +190,7 @@ def cut_image(data: TileData, begun: Round, tile: Floats) -> tuple[Image, Ints]:
         k1 = whole.ny if tile[3] == data.target.window.y_max else k1
     grid = Grid(whole.x0 + i0 * whole.cell, whole.y0 + k0 * whole.cell, whole.cell, i1 - i0, k1 - k0)
     pixels = (np.arange(i0, i1)[None, :] + whole.nx * np.arange(k0, k1)[:, None]).ravel()
-    n = len(pixels)
-    image = Image(
-        grid=grid,
-        black=begun.black[pixels],
-        n_edges=np.zeros(n, np.int32),
-        black_since=np.zeros(n, np.int64),
-        black_time=np.zeros(n, np.int64),
-        mixed_since=np.zeros(n, np.int64),
-        mixed_time=np.zeros(n, np.int64),
-        path=np.zeros(most_cells(grid), np.int32),
-        crossings=np.zeros(2 * c.MOST_CHANGES),
-    )
-    return image, pixels
+    return white_image(grid)._replace(black=begun.black[pixels]), pixels
 
 
 def _assemble(
