@@ -115,7 +115,7 @@ def test_a_grid_agrees_with_a_lattice_of_poses(one_scan: Readings) -> None:
     def log_density(origin: Floats, angle: Floats) -> Floats:
         there = np.tile(one_scan.range, len(angle))
         moved = Readings.from_arrays(origin.reshape(-1, 2), angle.ravel(), there)
-        return np.log(scored.predict(held(moved, None)).density).reshape(angle.shape)
+        return np.log(scored.predict(held(moved, None))[0]).reshape(angle.shape)
 
     expected = -on_lattice(one_scan, log_density) / 9.0
     assert score(scored, held(one_scan), 1)["beam_nll"] == pytest.approx(expected, abs=0.02)

@@ -227,7 +227,7 @@ class TestGrid:
         assert west == pytest.approx(0.95 + 0.05 * 7.0 / 8.0, rel=1e-6)
         assert score(self.grid(p), held([9.9, 1.0], [0.0], [0.35]), 1)["n_censored"] == 1
         assert 0.0 < east < 1.0, "a return within the grid"
-        far = GridMap(self.grid(p).grid).predict(held([4.0, 1.0], [0.0], [7.0], noise=3.0)).density[0]
+        far = GridMap(self.grid(p).grid).predict(held([4.0, 1.0], [0.0], [7.0], noise=3.0))[0][0]
         beyond = stats.norm.cdf((1.05 - 6.0) / 3.0) / stats.norm.cdf(1.05 / 3.0)
         assert far == pytest.approx(0.95 * (1.0 - p + p * beyond) + 0.05 * 2.0 / 8.0, rel=1e-3)
 
