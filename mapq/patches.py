@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -192,25 +192,15 @@ class PatchesOnDisk(Patches):
         return n_points, np.array([self.low[group].min(axis=0), self.high[group].max(axis=0), mean])
 
 
-class LabelCounts(NamedTuple):
-    """What labelling from a field did."""
-
-    n_patches: int  # after labelling
-    n_suspicious: int
-    n_plausible: int
-    n_unlabelled: int
-    n_ties: int  # patches with as many points of either kind, which became suspicious
-    n_kept: int  # patches whose label was set by hand and stays
-
-
 def label_from_field(
     patches: Patches, name: str, where: str, overwrite_hand: bool = False, conservative: bool = False
-) -> tuple[Patches, LabelCounts]:
-    """Return the patches of file `where` labelled by a point field, and what that did.
+) -> tuple[Patches, dict[str, int]]:
+    """Return the patches of file `where` labelled by a point field, and how many there are of each kind then.
 
     By the majority of the points, or with `conservative` as :func:`conservative_labels`.
 
-    Labels set by hand stay unless `overwrite_hand`; labels of an earlier field are replaced, also by none.
+    Labels set by hand stay unless `overwrite_hand`; labels of an earlier field are replaced, also by none. `n_ties`
+    counts patches with as many points of either kind, which became suspicious; `n_kept` those whose label stays.
 
     Raises InputError as :func:`truth_values`.
     """
@@ -221,12 +211,12 @@ def label_from_field(
     kept = (patches.label_source == FROM_HAND) & (not overwrite_hand)
     label, source = np.where(kept, patches.label, label), np.where(kept, patches.label_source, source)
     n_suspicious, n_plausible = (int(np.count_nonzero(label == kind)) for kind in (SUSPICIOUS, PLAUSIBLE))
-    counts = LabelCounts(
-        len(patches),
-        n_suspicious,
-        n_plausible,
-        len(patches) - n_suspicious - n_plausible,
-        int(np.count_nonzero(ties & ~kept)),
-        int(np.count_nonzero(kept)),
-    )
+    counts = {
+        "n_patches": len(patches),
+        "n_suspicious": n_suspicious,
+        "n_plausible": n_plausible,
+        "n_unlabelled": len(patches) - n_suspicious - n_plausible,
+        "n_ties": int(np.count_nonzero(ties & ~kept)),
+        "n_kept": int(np.count_nonzero(kept)),
+    }
     return replace(patches, label=label, label_source=source), counts

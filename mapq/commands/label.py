@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import TYPE_CHECKING, Annotated
+from collections.abc import Iterator, Mapping
+from typing import Annotated
 
 import typer
 
 from prf.shell.cli.options import Json
-
-if TYPE_CHECKING:
-    from mapq.labelling import HandCounts
-    from mapq.patches import LabelCounts
 
 EXAMPLES = (
     "mapq label city.patches",
@@ -90,7 +86,7 @@ def _from_field(path: str, name: str, conservative: bool, force: bool, json: boo
 
     counts = relabel(path, lambda patches: label_from_field(patches, name, path, force, conservative))
     if json:
-        storage.emit_object("mapq.label/1", {"patches": path, "field": name, **counts._asdict()})
+        storage.emit_object("mapq.label/1", {"patches": path, "field": name, **counts})
         return
     for line in (*_field_lines(counts), f"labels          in {path}"):
         console.summarize(line)
@@ -104,28 +100,30 @@ def _by_hand(path: str, model: str | None, port: int, browser: bool, json: bool)
 
     counts = label_by_hand(path, None if model is None else read_model(model), port, browser)
     if json:
-        storage.emit_object("mapq.label.hand/1", {"patches": path, **counts._asdict()})
+        storage.emit_object("mapq.label.hand/1", {"patches": path, **counts})
         return
     for line in (*_hand_lines(counts), f"labels          in {path}"):
         console.summarize(line)
 
 
-def _field_lines(counts: LabelCounts) -> Iterator[str]:
+def _field_lines(counts: Mapping[str, int]) -> Iterator[str]:
     """Return the table for a person."""
-    yield f"patches         {counts.n_patches}"
-    yield f"suspicious      {counts.n_suspicious}" + (f", {counts.n_ties} of them by a tie" if counts.n_ties else "")
-    yield f"plausible       {counts.n_plausible}"
-    yield f"without label   {counts.n_unlabelled}"
-    if counts.n_kept:
-        yield f"set by hand     {counts.n_kept}, kept (--force replaces them)"
+    yield f"patches         {counts['n_patches']}"
+    yield f"suspicious      {counts['n_suspicious']}" + (
+        f", {counts['n_ties']} of them by a tie" if counts["n_ties"] else ""
+    )
+    yield f"plausible       {counts['n_plausible']}"
+    yield f"without label   {counts['n_unlabelled']}"
+    if counts["n_kept"]:
+        yield f"set by hand     {counts['n_kept']}, kept (--force replaces them)"
 
 
-def _hand_lines(counts: HandCounts) -> Iterator[str]:
+def _hand_lines(counts: Mapping[str, int]) -> Iterator[str]:
     """Return the table for a person."""
-    yield f"patches         {counts.n_patches}"
-    yield f"set by hand     {counts.n_by_hand}"
-    yield f"plausible       {counts.n_plausible}"
-    yield f"suspicious      {counts.n_suspicious}"
-    yield f"unsure          {counts.n_unsure}, left out of training"
-    if counts.n_from_field:
-        yield f"from a field    {counts.n_from_field}"
+    yield f"patches         {counts['n_patches']}"
+    yield f"set by hand     {counts['n_by_hand']}"
+    yield f"plausible       {counts['n_plausible']}"
+    yield f"suspicious      {counts['n_suspicious']}"
+    yield f"unsure          {counts['n_unsure']}, left out of training"
+    if counts["n_from_field"]:
+        yield f"from a field    {counts['n_from_field']}"

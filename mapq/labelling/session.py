@@ -11,7 +11,6 @@ import webbrowser
 from collections.abc import Iterator
 from contextlib import contextmanager
 from html import escape
-from typing import NamedTuple
 
 import numpy as np
 
@@ -32,19 +31,10 @@ LOOK = 0.2
 """Seconds between two looks at whether to end."""
 
 
-class HandCounts(NamedTuple):
-    """Progress of labelling by hand: all patches, those judged by a person, as what, and those labelled by a field."""
-
-    n_patches: int
-    n_by_hand: int
-    n_plausible: int
-    n_suspicious: int
-    n_unsure: int
-    n_from_field: int
-
-
-def label_by_hand(path: str, model: Model | None = None, port: int = 0, browser: bool = True) -> HandCounts:
+def label_by_hand(path: str, model: Model | None = None, port: int = 0, browser: bool = True) -> dict[str, int]:
     """Serve the labelling page of a PATCHES file until it is finished or a signal arrives, and store the labels in it.
+
+    Returned is how many patches there are, and how many a person or a field has labelled (:meth:`Store.counts`).
 
     Parameters
     ----------
@@ -78,8 +68,8 @@ def label_by_hand(path: str, model: Model | None = None, port: int = 0, browser:
                 while not flag.requested and not server.done.wait(LOOK):
                     pass
             store.merge()
-            counts = HandCounts(**store.counts())
-            flag.raise_if_requested(f"labelling was stopped; all {counts.n_by_hand} labels are in {path}")
+            counts = store.counts()
+            flag.raise_if_requested(f"labelling was stopped; all {counts['n_by_hand']} labels are in {path}")
         return counts
 
 
