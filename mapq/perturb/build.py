@@ -14,7 +14,7 @@ from mapq.configuration import MergeSettings, PerturbSettings
 from mapq.io.write import check_name, write_cloud
 from mapq.labels import PLAUSIBLE, SUSPICIOUS, UNLABELLED
 from mapq.perturb.errors import displaced
-from mapq.perturb.known import PointDisagreement, find_surfaces, known_disagreement
+from mapq.perturb.known import find_surfaces, known_disagreement
 from mapq.perturb.measure import measured_disagreement
 from mapq.posed import PosedScans, drive_passes
 from mapq.posed.merge import Merged, map_of, merge
@@ -72,32 +72,34 @@ def build(
     if right is not None:
         surfaces = find_surfaces(merged, right, settings.reach, sided)
         progress(0.8)
-        found = known_disagreement(surfaces, right, used, settings.plausible_below)
+        metres, n_others = known_disagreement(surfaces, right, used, settings.plausible_below)
         basis: dict[str, Any] = {"labels_from": "reference poses", "reach": surfaces.reach}
     else:
         share = 0.5 / len(scans)
-        found = measured_disagreement(
+        metres, n_others = measured_disagreement(
             merged, used, settings.search, sided, settings.suspicious_above, lambda n: progress(0.5 + share * n)
         )
         basis = {"labels_from": "registration"}
-    label = label_points(found.metres, settings)
-    labels: dict[str, NDArray[Any]] = {"suspicious": label, "disagreement": found.metres.astype(np.float32)}
+    label = label_points(metres, settings)
+    labels: dict[str, NDArray[Any]] = {"suspicious": label, "disagreement": metres.astype(np.float32)}
     cloud = map_of(merged, used, scans, merging, labels)
     progress(1.0)
-    return Built(cloud, {**basis, **_counts(merged, found, label), "scans": _rows(scans, merged, used, right)})
+    return Built(
+        cloud, {**basis, **_counts(merged, metres, n_others, label), "scans": _rows(scans, merged, used, right)}
+    )
 
 
-def _counts(merged: Merged, found: PointDisagreement, label: NDArray[np.uint8]) -> dict[str, Any]:
+def _counts(merged: Merged, metres: Floats, n_others: NDArray[np.int64], label: NDArray[np.uint8]) -> dict[str, Any]:
     """Return how many points there are of each kind, and how many scans see what."""
     return {
         "n_read": int(merged.counts.sum()),
         "n_points": len(label),
         "n_suspicious": int(np.count_nonzero(label == SUSPICIOUS)),
         "n_plausible": int(np.count_nonzero(label == PLAUSIBLE)),
-        "n_ambiguous": int(np.count_nonzero((label == UNLABELLED) & np.isfinite(found.metres))),
-        "n_not_known": int(np.count_nonzero(np.isnan(found.metres))),
-        "n_seen_once": int(np.count_nonzero((found.n_others == 0) & np.isfinite(found.metres))),
-        "largest_disagreement": float(np.nanmax(found.metres)) if np.isfinite(found.metres).any() else float("nan"),
+        "n_ambiguous": int(np.count_nonzero((label == UNLABELLED) & np.isfinite(metres))),
+        "n_not_known": int(np.count_nonzero(np.isnan(metres))),
+        "n_seen_once": int(np.count_nonzero((n_others == 0) & np.isfinite(metres))),
+        "largest_disagreement": float(np.nanmax(metres)) if np.isfinite(metres).any() else float("nan"),
     }
 
 

@@ -127,16 +127,6 @@ class Surfaces(NamedTuple):
     reach: float
 
 
-class PointDisagreement(NamedTuple):
-    """Metres (n,) by which the scan that disagrees most is off along the normal, and other scans (n,) at the surface.
-
-    0 m where one scan alone saw the surface, nan where it is not known.
-    """
-
-    metres: Floats
-    n_others: NDArray[np.int64]
-
-
 def find_surfaces(merged: Merged, poses: Floats, reach: float | None = None, sided: bool = True) -> Surfaces:
     """Return the surfaces of a map with the right poses (k, 4, 4).
 
@@ -198,8 +188,13 @@ def _same_surface(place: Floats, normal: Floats, flat: NDArray[np.bool_], reach:
     return csr_array((np.ones(len(rows), np.int64), (rows, columns)), shape=(len(place), len(place)))
 
 
-def known_disagreement(surfaces: Surfaces, right: Floats, used: Floats, agree: float) -> PointDisagreement:
+def known_disagreement(
+    surfaces: Surfaces, right: Floats, used: Floats, agree: float
+) -> tuple[Floats, NDArray[np.int64]]:
     """Return how far apart the poses that are used put what is one place under the right poses.
+
+    In metres (n,), by which the scan that disagrees most is off along the normal: 0 where one scan alone saw the
+    surface, nan where it is not known; and how many other scans (n,) are at the surface.
 
     At an element each scan b puts the place x of the right map at ``used_b inv(right_b) x``. The differences between
     scans are taken along the mean of the normal as the scans turn it: errors of poses, not of the whole frame.
@@ -230,7 +225,7 @@ def known_disagreement(surfaces: Surfaces, right: Floats, used: Floats, agree: f
     itself = np.isin(at * len(right) + by, surfaces.seen_at * len(right) + surfaces.seen_by)
     n_others = n_seen - itself
     value = np.where(n_others == 0, 0.0, np.where(surfaces.flat[at], metres, rough))
-    return PointDisagreement(value[surfaces.entry], n_others[surfaces.entry])
+    return value[surfaces.entry], n_others[surfaces.entry]
 
 
 def _put(moved: Floats, scan: NDArray[np.int64], place: Floats) -> Floats:

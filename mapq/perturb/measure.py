@@ -9,13 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from mapq.perturb.known import PointDisagreement, mean_of, planes_round
+from mapq.perturb.known import mean_of, planes_round
 from mapq.posed.merge import Merged, cell_keys
 
 Floats = NDArray[np.float64]
@@ -41,57 +41,44 @@ NEARLY_AS_GOOD = 0.05
 
 
 class Sheet(NamedTuple):
-    """Elements of surface of one scan in the map: places and normals (m, 3), which (m,) are of walls, their tree."""
+    """Elements of surface of one scan in the map: places and normals (m, 3), which (m,) have a plane, are of walls."""
 
     place: Floats
     normal: Floats
+    flat: NDArray[np.bool_]
     upright: NDArray[np.bool_]
-    tree: cKDTree
+    tree: Any = None  # cKDTree of the places; a piece, which is laid onto another sheet, has none
 
-    def take(self, index: NDArray[np.int64]) -> Piece:
-        """Return some of the elements."""
-        return Piece(self.place[index], self.normal[index], self.upright[index])
-
-
-class Piece(NamedTuple):
-    """Elements to be laid onto a sheet: places and normals (p, 3), and which (p,) are of walls."""
-
-    place: Floats
-    normal: Floats
-    upright: NDArray[np.bool_]
+    def take(self, index: NDArray[np.int64]) -> Sheet:
+        """Return a piece: some of the elements."""
+        return Sheet(self.place[index], self.normal[index], self.flat[index], self.upright[index])
 
 
-class Fitted(NamedTuple):
-    """The motion (4, 4) that takes a piece to a sheet, and the share of its elements of walls that then lie on it."""
+def register(piece: Sheet, sheet: Sheet, search: float, sided: bool) -> tuple[Floats, float]:
+    """Return the motion (4, 4) that lays most of a piece onto a sheet, of displacements up to `search` metres.
 
-    motion: Floats
-    overlap: float
-
-
-def register(piece: Piece, sheet: Sheet, search: float, sided: bool) -> Fitted:
-    """Return the motion that lays most of a piece onto a sheet, of displacements up to `search` metres.
-
+    And the share of its elements of walls that then lie on it.
     Of motions that fit nearly alike the one that displaces least is taken: a straight wall fits at every wall that is
     parallel to it.
     """
     found = []
     for start in _starts(piece, sheet, search, sided):
         motion = _refine(piece, sheet, start, sided)
-        found.append(Fitted(motion, overlap(piece, sheet, motion, sided)))
-    best = max(fitted.overlap for fitted in found)
-    good = [fitted for fitted in found if fitted.overlap >= best - NEARLY_AS_GOOD]
+        found.append((motion, overlap(piece, sheet, motion, sided)))
+    best = max(share for _, share in found)
+    good = [each for each in found if each[1] >= best - NEARLY_AS_GOOD]
     middle = piece.place.mean(axis=0)
-    return min(good, key=lambda fitted: float(np.linalg.norm(_put(fitted.motion, middle) - middle)))
+    return min(good, key=lambda each: float(np.linalg.norm(_put(each[0], middle) - middle)))
 
 
-def overlap(piece: Piece, sheet: Sheet, motion: Floats, sided: bool) -> float:
+def overlap(piece: Sheet, sheet: Sheet, motion: Floats, sided: bool) -> float:
     """Return the share of the piece's elements of walls that lie on the sheet after a motion (4, 4)."""
     on_it, _ = lies_on(piece, sheet, motion, sided, FIT)
     return float(on_it[piece.upright].mean()) if piece.upright.any() else 0.0
 
 
 def lies_on(
-    piece: Piece, sheet: Sheet, motion: Floats, sided: bool, within: float
+    piece: Sheet, sheet: Sheet, motion: Floats, sided: bool, within: float
 ) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
     """Return which elements (p,) lie `within` metres of a parallel element of the sheet after a motion, and which."""
     place = _put(motion, piece.place)
@@ -106,7 +93,7 @@ def _facing(normal: Floats, sheet: Sheet, nearest: NDArray[np.int64], sided: boo
     return np.asarray((cosine if sided else np.abs(cosine)) > PARALLEL)
 
 
-def _starts(piece: Piece, sheet: Sheet, search: float, sided: bool) -> list[Floats]:
+def _starts(piece: Sheet, sheet: Sheet, search: float, sided: bool) -> list[Floats]:
     """Return the motions to begin with: none, and the horizontal displacements that fit best."""
     walls = np.flatnonzero(piece.upright)
     some = walls[:: max(1, len(walls) // FEW_STARTING)]
@@ -130,7 +117,7 @@ def _starts(piece: Piece, sheet: Sheet, search: float, sided: bool) -> list[Floa
     return list(motions)
 
 
-def _refine(piece: Piece, sheet: Sheet, motion: Floats, sided: bool) -> Floats:
+def _refine(piece: Sheet, sheet: Sheet, motion: Floats, sided: bool) -> Floats:
     """Return the motion after least squares of distances to the sheet's planes, nearer and nearer ones alone."""
     middle = piece.place.mean(axis=0)
     for trim in TRIMS:
@@ -205,14 +192,6 @@ class Compared(NamedTuple):
     partner: NDArray[np.int64]
 
 
-class Parted(NamedTuple):
-    """A scan cut into elements: its sheet, and the element (n,) of each of its points."""
-
-    sheet: Sheet
-    element: NDArray[np.int64]
-    flat: NDArray[np.bool_]
-
-
 def measured_disagreement(
     merged: Merged,
     poses: Floats,
@@ -220,8 +199,10 @@ def measured_disagreement(
     sided: bool = True,
     proven: float = 0.3,
     progress: Callable[[int], None] = lambda done: None,
-) -> PointDisagreement:
+) -> tuple[Floats, NDArray[np.int64]]:
     """Return how far apart scans, with the poses that are used, put what registration finds to be the same walls.
+
+    In metres (n,), and how many other scans (n,) see each point's wall, as :func:`known_disagreement`.
 
     Points that are of no wall are not known (nan). Nor are walls that have a wall of another scan within `DOUBT` which
     could not be registered, unless a third scan proves an error: more than `proven` metres of disagreement. Walls that
@@ -231,32 +212,33 @@ def measured_disagreement(
     points = merged.placed(poses)
     starts = np.searchsorted(merged.scan, np.arange(len(poses) + 1))
     parts = [
-        _parted(points[begin:end], poses[scan, :3, 3] if sided else None)
+        _cut_up(points[begin:end], poses[scan, :3, 3] if sided else None)
         for scan, (begin, end) in enumerate(pairwise(starts))
     ]
-    windows = [list(_windows(part.sheet.place[:, :2])) for part in parts]
+    windows = [list(_windows(sheet.place[:, :2])) for sheet, _ in parts]
     compared: dict[tuple[int, int], Compared] = {}
-    for scan, part in enumerate(parts):
-        for other in range(len(parts)):
-            found = _compare(part, parts[other].sheet, windows[scan], search, sided) if other != scan else None
+    for scan, (sheet, _) in enumerate(parts):
+        for other, (theirs, _) in enumerate(parts):
+            found = _compare(sheet, theirs, windows[scan], search, sided) if other != scan else None
             if found is not None:
                 compared[scan, other] = found
         progress(scan + 1)
     metres, n_others = np.full(len(points), np.nan), np.zeros(len(points), np.int64)
-    for scan, part in enumerate(parts):
+    for scan, (sheet, element) in enumerate(parts):
         rows = slice(int(starts[scan]), int(starts[scan + 1]))
-        worst, count = _gathered(part, scan, compared, proven)
-        metres[rows], n_others[rows] = worst[part.element], count[part.element]
-    return PointDisagreement(metres, n_others)
+        worst, count = _gathered(sheet, scan, compared, proven)
+        metres[rows], n_others[rows] = worst[element], count[element]
+    return metres, n_others
 
 
-def _parted(points: Floats, origin: Floats | None) -> Parted:
-    """Return the elements of a scan, of points (n, 3) in the map; normals point to the origin if it is known."""
+def _cut_up(points: Floats, origin: Floats | None) -> tuple[Sheet, NDArray[np.int64]]:
+    """Return the elements of a scan, of points (n, 3) in the map, and the element (n,) of each point.
+
+    Normals point to the origin if it is known.
+    """
     if len(points) == 0:
-        nothing = np.zeros((0, 3))
-        return Parted(
-            Sheet(nothing, nothing, np.zeros(0, bool), cKDTree(nothing)), np.zeros(0, np.int64), np.zeros(0, bool)
-        )
+        nothing, none = np.zeros((0, 3)), np.zeros(0, bool)
+        return Sheet(nothing, nothing, none, none, cKDTree(nothing)), np.zeros(0, np.int64)
     _, element = np.unique(cell_keys(points, CELL), return_inverse=True)
     place = mean_of(element, int(element.max()) + 1, points)
     normal, flat = planes_round(place)
@@ -264,14 +246,13 @@ def _parted(points: Floats, origin: Floats | None) -> Parted:
         behind = np.einsum("ij,ij->i", origin - place, normal) < 0.0
         normal = normal * np.where(behind, -1.0, 1.0)[:, None]
     upright = flat & (np.abs(normal[:, 2]) < UPRIGHT)
-    return Parted(Sheet(place, normal, upright, cKDTree(place)), element, flat)
+    return Sheet(place, normal, flat, upright, cKDTree(place)), element
 
 
 def _compare(
-    part: Parted, other: Sheet, windows: list[NDArray[np.int64]], search: float, sided: bool
+    sheet: Sheet, other: Sheet, windows: list[NDArray[np.int64]], search: float, sided: bool
 ) -> Compared | None:
     """Return the comparison of a scan with another, None if they are not near each other."""
-    sheet = part.sheet
     if not (other.upright.any() and sheet.upright.any()):
         return None
     walls = cKDTree(other.place[other.upright])
@@ -279,19 +260,19 @@ def _compare(
     near = sheet.upright & np.isfinite(distance)
     if not near.any():
         return None
-    found = _displacement(part, other, windows, near, search, sided)
+    found = _displacement(sheet, other, windows, near, search, sided)
     return found._replace(in_doubt=found.in_doubt & (distance < DOUBT))
 
 
 def _gathered(
-    part: Parted, scan: int, compared: dict[tuple[int, int], Compared], proven: float
+    sheet: Sheet, scan: int, compared: dict[tuple[int, int], Compared], proven: float
 ) -> tuple[Floats, NDArray[np.int64]]:
     """Return the disagreement (m,) of each element of a scan with all others, and how many of them see it.
 
     A comparison counts unless the one the other way contradicts it: two wrong registrations seldom agree.
     """
-    worst, n_seen = np.zeros(len(part.flat)), np.zeros(len(part.flat), np.int64)
-    in_doubt = np.zeros(len(part.flat), bool)
+    worst, n_seen = np.zeros(len(sheet.flat)), np.zeros(len(sheet.flat), np.int64)
+    in_doubt = np.zeros(len(sheet.flat), bool)
     for (one, other), found in compared.items():
         if one != scan:
             continue
@@ -303,7 +284,7 @@ def _gathered(
         n_seen += seen
         in_doubt |= found.in_doubt | contradicted
     # With another scan in doubt what is found is a lower bound, which proves that there is an error or nothing.
-    known = part.sheet.upright & (~in_doubt | (worst > proven))
+    known = sheet.upright & (~in_doubt | (worst > proven))
     return np.where(known, worst, np.nan), n_seen
 
 
@@ -326,7 +307,7 @@ def _windows(place: Floats) -> list[NDArray[np.int64]]:
 
 
 def _displacement(
-    part: Parted,
+    sheet: Sheet,
     other: Sheet,
     windows: list[NDArray[np.int64]],
     near: NDArray[np.bool_],
@@ -343,24 +324,24 @@ def _displacement(
         walls = rows[near[rows]]
         if len(walls) < FEWEST_WALLS:
             continue
-        fitted = register(_piece(part, walls, rows), other, search, sided)
-        piece = part.sheet.take(walls)
-        if fitted.overlap < OVERLAP:
+        motion, share = register(_piece(sheet, walls, rows), other, search, sided)
+        piece = sheet.take(walls)
+        if share < OVERLAP:
             continue
         judged[walls] = True
-        moved = piece.place @ fitted.motion[:3, :3].T + fitted.motion[:3, 3] - piece.place
-        on_it, nearest = lies_on(piece, other, fitted.motion, sided, ON_SHEET)
-        seen = on_it & (best[walls] < fitted.overlap)
+        moved = piece.place @ motion[:3, :3].T + motion[:3, 3] - piece.place
+        on_it, nearest = lies_on(piece, other, motion, sided, ON_SHEET)
+        seen = on_it & (best[walls] < share)
         along[walls[seen]] = np.einsum("ij,ij->i", moved, piece.normal)[seen]
-        best[walls[seen]] = fitted.overlap
+        best[walls[seen]] = share
         partner[walls[seen]] = nearest[seen]
     return Compared(near & ~judged, along, partner)
 
 
-def _piece(part: Parted, walls: NDArray[np.int64], rows: NDArray[np.int64]) -> Piece:
+def _piece(sheet: Sheet, walls: NDArray[np.int64], rows: NDArray[np.int64]) -> Sheet:
     """Return the walls given, and half as many level elements of a window, which hold them level; evenly thinned."""
-    level = rows[part.flat[rows] & ~part.sheet.upright[rows]]
+    level = rows[sheet.flat[rows] & ~sheet.upright[rows]]
     most_walls = MOST_ELEMENTS * 2 // 3
     walls = walls[:: len(walls) // most_walls + 1]
     level = level[:: len(level) // (MOST_ELEMENTS - most_walls) + 1]
-    return part.sheet.take(np.concatenate([walls, level]))
+    return sheet.take(np.concatenate([walls, level]))
