@@ -133,7 +133,7 @@ def turn_patches(patches: Patches, quarter: int) -> Patches:
     if quarter % 4 == 0:
         return patches
     normal, centroid = turn(patches.normal, quarter), turn(patches.centroid, quarter)
-    return _moved(patches, turn_cloud(patches.cloud, quarter), normal, centroid)
+    return replace(patches, cloud=turn_cloud(patches.cloud, quarter), normal=normal, centroid=centroid)
 
 
 def corner_of(patches: Patches) -> Floats:
@@ -146,10 +146,4 @@ def from_corner(patches: Patches, corner: Floats) -> Patches:
     """Return patches with their places counted from a corner (3,)."""
     cloud = patches.cloud
     cloud = replace(cloud, xyz=cloud.xyz - corner, shift=cloud.shift + corner / cloud.unit)
-    return _moved(patches, cloud, patches.normal, patches.centroid - corner)
-
-
-def _moved(patches: Patches, cloud: PointCloud, normal: Floats, centroid: Floats) -> Patches:
-    """Return patches with another cloud and other planes."""
-    label, source = patches.label, patches.label_source
-    return Patches(cloud, patches.patch, normal, centroid, label, source, patches.parameters, patches.report)
+    return replace(patches, cloud=cloud, centroid=patches.centroid - corner)

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import logging
-from enum import StrEnum
 from pathlib import PurePath
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -22,23 +21,6 @@ EXAMPLES = (
 )
 
 
-class View(StrEnum):
-    """How to look at the map."""
-
-    both = "both"
-    plan = "plan"
-    three_d = "3d"
-
-
-class Colour(StrEnum):
-    """What the colour of a point shows."""
-
-    label = "label"
-    probability = "probability"
-    patch = "patch"
-    field = "field"
-
-
 @with_settings(Configuration, "cloud")
 def render(
     file: Annotated[
@@ -46,7 +28,7 @@ def render(
         typer.Argument(metavar="RESULT|PATCHES|CLOUD", help="What mapq classify or mapq segment wrote, or a cloud."),
     ],
     colour: Annotated[
-        Colour | None,
+        Literal["label", "probability", "patch", "field"] | None,
         typer.Option("--colour", help="What the colour shows.  [label where there are labels, else patch]"),
     ] = None,
     field: Annotated[
@@ -55,7 +37,9 @@ def render(
             "--field", metavar="NAME", help="For --colour field: a 0/1 point field, 1 is drawn as suspicious."
         ),
     ] = None,
-    view: Annotated[View, typer.Option("--view", help="Plan view, 3D view, or one above the other.")] = View.both,
+    view: Annotated[
+        Literal["both", "plan", "3d"], typer.Option("--view", help="Plan view, 3D view, or one above the other.")
+    ] = "both",
     *,
     settings: Loaded[Configuration],
     output: Output = None,
@@ -71,12 +55,12 @@ def render(
     from prf.shell.cli.pictures import picture_format, save
     from prf.shell.errors import UsageError
 
-    if (colour is Colour.field) != (field is not None):
+    if (colour == "field") != (field is not None):
         raise UsageError("--colour field and --field NAME go together.")
     target = output or f"{PurePath(file).stem if file != STREAM else 'map'}.png"
     picture_format(target)
     claim_output(target, force, inputs=[file])
-    picture = read_picture(file, colour.value if colour is not None else None, field, settings.settings.cloud)
-    save(picture.draw(("plan", "3d") if view is View.both else (view.value,)), target)
+    picture = read_picture(file, colour, field, settings.settings.cloud)
+    save(picture.draw(("plan", "3d") if view == "both" else (view,)), target)
     if target != STREAM:
         logger.info("wrote %s", target)

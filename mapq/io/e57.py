@@ -24,7 +24,7 @@ FIELD_NAMES = {"colorRed": "red", "colorGreen": "green", "colorBlue": "blue", "t
 CHUNK = 200_000
 """Points that are decoded at once."""
 
-INTEGERS = tuple((code, np.iinfo(code)) for code in "bBhHq")
+INTEGERS = "bBhHq"
 """Types of whole numbers that pye57 can fill, the narrow ones first."""
 
 
@@ -134,7 +134,7 @@ def _code(node: Any, name: str, libe57: Any) -> str:
     """Return the type code in which pye57 gives a field, empty for text."""
     if isinstance(node, libe57.IntegerNode):
         low, high = node.minimum(), node.maximum()
-        return next((code for code, limits in INTEGERS if limits.min <= low and high <= limits.max), "q")
+        return next((code for code in INTEGERS if np.iinfo(code).min <= low and high <= np.iinfo(code).max), "q")
     if isinstance(node, libe57.ScaledIntegerNode):
         return "d"
     if isinstance(node, libe57.FloatNode):

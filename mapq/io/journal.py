@@ -32,7 +32,6 @@ SUFFIX = ".labels.jsonl"
 
 WORDS = {"plausible": PLAUSIBLE, "suspicious": SUSPICIOUS, "unsure": UNLABELLED}
 """Labels as a person sets them; an unsure patch has no label, but was seen."""
-_WORD_OF = {value: word for word, value in WORDS.items()}
 
 
 class Event(NamedTuple):
@@ -43,7 +42,8 @@ class Event(NamedTuple):
 
     def line(self) -> str:
         """Return the event as it is written, with the time."""
-        what = {"undo": True} if self.label is None else {"label": _WORD_OF[self.label]}
+        word = next((word for word, label in WORDS.items() if label == self.label), None)
+        what = {"undo": True} if word is None else {"label": word}
         return json.dumps({"patch": self.patch, **what, "time": datetime.now(UTC).isoformat(timespec="seconds")}) + "\n"
 
 

@@ -57,39 +57,36 @@ class Element(NamedTuple):
         return np.dtype([(name, order + kind) for name, kind in self.properties])
 
 
-class PlyHeader(NamedTuple):
-    """Name of the format, elements, number of header lines, offset of the data."""
-
-    format: str
-    elements: list[Element]
-    n_lines: int
-    end: int
-
-
 def read_ply(content: Content, options: ReadOptions) -> PointCloud:
     """Return the cloud of the vertices of a PLY file; what follows these is passed over."""
     data, source = content.data(), content.source
-    header = parse_header(data, source)
-    names = [element.name for element in header.elements]
+    format_name, elements, n_lines, start = _parse_header(data, source)
+    names = [element.name for element in elements]
     if "vertex" not in names:
         raise InputError(f"{source}: no element vertex; there are {', '.join(names) or 'none'}.")
-    before, vertex = header.elements[: names.index("vertex")], header.elements[names.index("vertex")]
+    before, vertex = elements[: names.index("vertex")], elements[names.index("vertex")]
     names = [name for name, _ in vertex.properties]
     axes_of(names, source)
     refuse_doubles(names, source)
-    is_text, order = header.format == "ascii", ORDERS[header.format]
+    is_text, order = format_name == "ascii", ORDERS[format_name]
     if vertex.lists or (not is_text and any(element.lists for element in before)):
         raise InputError(f"{source}: lists in or before the vertices are not read. Save the cloud without them.")
     if is_text:
-        rows = _read_ascii(data, header, sum(element.n_rows for element in before), vertex, source)
+        n_before = sum(element.n_rows for element in before)
+        for _ in range(n_before):
+            start = data.find(b"\n", start) + 1 or len(data)
+        rows = _read_ascii(data[start:], vertex, source, n_lines + 1 + n_before)
     else:
-        start = header.end + sum(element.n_rows * element.dtype(order).itemsize for element in before)
+        start += sum(element.n_rows * element.dtype(order).itemsize for element in before)
         rows = np.frombuffer(data, vertex.dtype(order), vertex.n_rows, start)
     return make_cloud(columns_of(rows), source, options.unit or 1.0)
 
 
-def parse_header(data: bytes, source: str) -> PlyHeader:
-    """Return the header of a PLY file; comments are skipped, whatever their encoding."""
+def _parse_header(data: bytes, source: str) -> tuple[str, list[Element], int, int]:
+    """Return the name of the format, the elements, the number of header lines, and where the data begin.
+
+    Comments are skipped, whatever their encoding.
+    """
     found = _END.search(data, 0, LONGEST_HEADER)
     if found is None:
         raise InputError(f"{source}: the PLY header does not end. Copy the file again.")
@@ -113,16 +110,13 @@ def parse_header(data: bytes, source: str) -> PlyHeader:
                 )
     if not format_name:
         raise InputError(f"{source}: the PLY header has no format line. Write the file anew.")
-    return PlyHeader(format_name, elements, len(lines), found.end())
+    return format_name, elements, len(lines), found.end()
 
 
-def _read_ascii(data: bytes, header: PlyHeader, n_before: int, vertex: Element, source: str) -> Array:
-    start, dtype = header.end, vertex.dtype("=")
-    for _ in range(n_before):
-        start = data.find(b"\n", start) + 1 or len(data)
-    rows = np.empty(0, dtype)
+def _read_ascii(body: bytes, vertex: Element, source: str, line: int) -> Array:
+    rows = np.empty(0, vertex.dtype("="))
     if vertex.n_rows:
-        rows = parse_rows(data[start:], dtype, source, header.n_lines + 1 + n_before, max_rows=vertex.n_rows)
+        rows = parse_rows(body, rows.dtype, source, line, max_rows=vertex.n_rows)
     if len(rows) != vertex.n_rows:
         raise InputError(f"{source}: cut off: {vertex.n_rows} points are promised, {len(rows)} follow. Copy it again.")
     return rows
