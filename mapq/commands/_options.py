@@ -49,7 +49,7 @@ def are_scans(inputs: Sequence[str], settings: ScanSettings) -> bool:
         return True
     if not os.path.isdir(inputs[0]):
         return False
-    from mapq.tiled.source import is_tiled
+    from mapq.io.tiles import is_tiled
 
     return not (is_tiled(inputs[0]) or any(each.suffix in BAG_FILES for each in Path(inputs[0]).iterdir()))
 

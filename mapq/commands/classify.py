@@ -82,8 +82,8 @@ def classify(
     by tile and need not fit into memory. The result of a folder is a folder: tiles of the same names, and result.json.
     """
     from mapq.io.results import result_lines
+    from mapq.io.tiles import is_tiled
     from mapq.results.result import MIN_COVERAGE
-    from mapq.tiled.source import is_tiled
     from prf.shell.cli import console, storage
     from prf.shell.cli.files import STREAM
     from prf.shell.errors import UsageError
@@ -162,13 +162,12 @@ def _classify_tiles(
 ) -> Result:
     """Classify a map tile by tile, and write the result."""
     from mapq.io import is_patches
-    from mapq.io.result_folder import RESULT_JSON
     from mapq.io.results import json_beside
+    from mapq.io.tiles import RESULT_JSON, is_tiled
     from mapq.posed.files import pose_names
     from mapq.results.result import Origin
     from mapq.tiled.output import CLOUD_SUFFIXES
     from mapq.tiled.run import classify_map
-    from mapq.tiled.source import is_tiled
     from prf.shell.cli.outputs import refuse_inputs
     from prf.shell.errors import UsageError
 

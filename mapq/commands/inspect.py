@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
@@ -11,9 +11,6 @@ from mapq.configuration import Configuration
 from prf.shell.cli.console import is_verbose
 from prf.shell.cli.options import Json, with_settings
 from prf.shell.cli.settings import Loaded
-
-if TYPE_CHECKING:
-    from mapq.io.describe import CloudSummary, Description, FieldSummary, PatchSummary
 
 EXAMPLES = (
     "mapq inspect map.pcd",
@@ -60,50 +57,52 @@ def inspect(
             console.emit(f"{'...':<{width}}{len(rows) - len(shown)} more, with -v")
 
 
-def _rows(summary: Description) -> Iterator[tuple[str, str]]:
-    yield "file", summary.path
-    yield "kind", f"{summary.kind} ({summary.format})"
-    if summary.cloud is not None:
-        yield from _cloud_rows(summary.cloud)
-    if summary.patches is not None:
-        yield from _patch_rows(summary.patches)
-    if summary.cloud is not None:
-        lines = [_field_line(field) for field in summary.cloud.fields] or ["none"]
+def _rows(summary: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    yield "file", summary["path"]
+    yield "kind", f"{summary['kind']} ({summary['format']})"
+    if summary["cloud"] is not None:
+        yield from _cloud_rows(summary["cloud"])
+    if summary["patches"] is not None:
+        yield from _patch_rows(summary["patches"])
+    if summary["cloud"] is not None:
+        lines = [_field_line(field) for field in summary["cloud"]["fields"]] or ["none"]
         yield from zip(["fields", *[""] * (len(lines) - 1)], lines, strict=True)
-    yield from _flat(summary.content)
+    yield from _flat(summary["content"])
 
 
-def _cloud_rows(cloud: CloudSummary) -> Iterator[tuple[str, str]]:
-    missing = cloud.n_points - cloud.n_finite
-    size = " x ".join(f"{length:.2f}" for length in ((cloud.high - cloud.low) * cloud.unit).tolist())
-    sides = ", ".join(
-        f"{axis} {low:.2f} to {high:.2f}" for axis, low, high in zip("xyz", cloud.low, cloud.high, strict=True)
-    )
-    yield "points", f"{cloud.n_points:,}" + (f", {missing:,} of them without coordinates" if missing else "")
+def _cloud_rows(cloud: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    low, high, unit, shift = (cloud[name] for name in ("low", "high", "unit", "shift"))
+    missing = cloud["n_points"] - cloud["n_finite"]
+    size = " x ".join(f"{length:.2f}" for length in ((high - low) * unit).tolist())
+    sides = ", ".join(f"{axis} {first:.2f} to {last:.2f}" for axis, first, last in zip("xyz", low, high, strict=True))
+    yield "points", f"{cloud['n_points']:,}" + (f", {missing:,} of them without coordinates" if missing else "")
     yield "extent", f"{size} m, {sides}"
-    yield "coordinates", cloud.coordinate_type
-    is_metric = bool((cloud.unit == 1.0).all())
+    yield "coordinates", cloud["coordinate_type"]
+    is_metric = bool((unit == 1.0).all())
     if not is_metric:
-        units = " ".join(f"{value:g}" for value in cloud.unit.tolist())
+        units = " ".join(f"{value:g}" for value in unit.tolist())
         yield "unit", f"{units} m, of x, y and z; lengths are in metres"
-    if cloud.shift.any():
-        shift = " ".join(f"{value:.0f}" for value in cloud.shift)
-        yield "shift", f"{shift}{' m' if is_metric else ''}, taken off before all work"
-    yield "spacing", "unknown" if _is_nan(cloud.spacing) else f"{cloud.spacing:.4g} m, median to the nearest neighbour"
+    if shift.any():
+        words = " ".join(f"{value:.0f}" for value in shift)
+        yield "shift", f"{words}{' m' if is_metric else ''}, taken off before all work"
+    spacing = cloud["spacing"]
+    yield "spacing", "unknown" if _is_nan(spacing) else f"{spacing:.4g} m, median to the nearest neighbour"
 
 
-def _field_line(field: FieldSummary) -> str:
-    values = "no finite values" if _is_nan(field.low) else f"{field.low:g} to {field.high:g}"
-    return f"{field.name}  {field.type}{f' x {field.n_values}' if field.n_values > 1 else ''}  {values}"
+def _field_line(field: Mapping[str, Any]) -> str:
+    values = "no finite values" if _is_nan(field["low"]) else f"{field['low']:g} to {field['high']:g}"
+    several = f" x {field['n_values']}" if field["n_values"] > 1 else ""
+    return f"{field['name']}  {field['type']}{several}  {values}"
 
 
-def _patch_rows(patches: PatchSummary) -> Iterator[tuple[str, str]]:
-    median = "" if _is_nan(patches.points_per_patch) else f", {patches.points_per_patch:g} a patch (median)"
-    yield "patches", f"{patches.n_patches:,}"
-    yield "in patches", f"{patches.n_points_in_patches:,} points{median}"
-    yield "labels", _counts(patches.labels)
-    if patches.label_sources:
-        yield "labels set", _counts(patches.label_sources)
+def _patch_rows(patches: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    median = patches["points_per_patch"]
+    each = "" if _is_nan(median) else f", {median:g} a patch (median)"
+    yield "patches", f"{patches['n_patches']:,}"
+    yield "in patches", f"{patches['n_points_in_patches']:,} points{each}"
+    yield "labels", _counts(patches["labels"])
+    if patches["label_sources"]:
+        yield "labels set", _counts(patches["label_sources"])
 
 
 def _flat(value: Mapping[str, Any], name: str = "") -> Iterator[tuple[str, str]]:

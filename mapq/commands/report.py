@@ -51,9 +51,9 @@ def report(
     inputs = [result, os.path.splitext(result)[0] + ".json"]
     claim_output(target, force, inputs=inputs, suffixes=(".html", ".htm"))
     findings = read_findings(result)
-    written = write_report(target, findings, title, max_points)
+    n_bytes, n_shown = write_report(target, findings, title, max_points)
     if not len(findings.label):
         logger.warning("%s: no patch was found, so nothing of this map was judged", result)
     if target != STREAM:
-        shown = f"{written.n_shown:,} of {written.n_points:,} points"
-        logger.info("wrote %s: %.1f MB, its views show %s", target, written.n_bytes / 1e6, shown)
+        shown = f"{n_shown:,} of {findings.n_points:,} points"
+        logger.info("wrote %s: %.1f MB, its views show %s", target, n_bytes / 1e6, shown)

@@ -5,9 +5,8 @@ from __future__ import annotations
 import json
 import logging
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,8 +19,8 @@ from mapq.io.content import Content, damage_in_one_line, suffix_of
 from mapq.io.fields import Array
 from mapq.io.patches import SCHEMA as PATCHES_SCHEMA
 from mapq.io.patches import holds_patches, parse_patches
-from mapq.io.result_folder import ResultFolder, is_result_folder, open_result_folder
 from mapq.io.results import PATCH, RESULT_FIELDS, patch_counts, read_result_json
+from mapq.io.tiles import MapFiles, is_result_folder, open_result_folder
 from mapq.labels import FROM_FIELD, FROM_HAND, NO_PATCH, PLAUSIBLE, SUSPICIOUS, UNLABELLED
 from mapq.patches import Patches
 from prf.shell.cli.files import STREAM
@@ -40,73 +39,15 @@ LABELS = {"plausible": PLAUSIBLE, "suspicious": SUSPICIOUS, "unlabelled": UNLABE
 SOURCES = {"by hand": FROM_HAND, "from a field": FROM_FIELD}
 
 
-class FieldSummary(NamedTuple):
-    """A field of a cloud: numbers a point, and the range of the finite values (nan where there are none)."""
-
-    name: str
-    type: str
-    n_values: int
-    low: float
-    high: float
+Summary = dict[str, Any]
+"""What `mapq inspect --json` prints, or a part of it (docs/file-formats.md); numbers that are not known are nan."""
 
 
-@dataclass(frozen=True)
-class CloudSummary:
-    """A cloud in numbers.
-
-    Points, and those with three finite coordinates; the box (3,) round these and the shift (3,) subtracted before all
-    work, both in world coordinates; metres (3,) in a unit of these; median distance in metres of a point to its nearest
-    neighbour, on a sample: nan for one point and for tiles.
-    """
-
-    n_points: int
-    n_finite: int
-    low: NDArray[np.float64]
-    high: NDArray[np.float64]
-    shift: NDArray[np.float64]
-    unit: NDArray[np.float64]
-    coordinate_type: str
-    fields: tuple[FieldSummary, ...]
-    spacing: float
-
-
-@dataclass(frozen=True)
-class PatchSummary:
-    """Counts of patches and points, by label; for PATCHES where the labels are from."""
-
-    n_patches: int
-    n_points_in_patches: int
-    points_per_patch: float
-    labels: Mapping[str, int]
-    label_sources: Mapping[str, int]
-
-
-@dataclass(frozen=True)
-class Description:
-    """Summary of a file.
-
-    Attributes
-    ----------
-    path, kind, format : str
-        Name, ``cloud``, ``patches``, ``result`` or ``model``, and the format or schema.
-    cloud : CloudSummary or None
-        None for a JSON file.
-    patches : PatchSummary or None
-        For PATCHES and RESULT.
-    content : mapping
-        Parameters and report of PATCHES, the JSON of a model or the one beside a RESULT; long lists by their length.
-    """
-
-    path: str
-    kind: str
-    format: str
-    cloud: CloudSummary | None
-    patches: PatchSummary | None
-    content: Mapping[str, Any]
-
-
-def describe(path: str, options: ReadOptions = AS_IT_IS) -> Description:
+def describe(path: str, options: ReadOptions = AS_IT_IS) -> Summary:
     """Return the summary of a cloud, a PATCHES file, a RESULT, or a JSON file of a model or result.
+
+    Its `cloud` is None for a JSON file, its `patches` None but for PATCHES and RESULT. Its `content` are parameters and
+    report of PATCHES, the JSON of a model or the one beside a RESULT; of long lists it has the length.
 
     Parameters
     ----------
@@ -129,54 +70,62 @@ def describe(path: str, options: ReadOptions = AS_IT_IS) -> Description:
         options.refuse_given(path)
         patches = parse_patches(found.data(), path)
         content = {"parameters": patches.parameters, "report": patches.report}
-        return Description(path, "patches", PATCHES_SCHEMA, _cloud(patches.cloud), _patches(patches), _brief(content))
+        return _described(path, "patches", PATCHES_SCHEMA, _cloud(patches.cloud), _patches(patches), content)
     format_name, cloud = parse_cloud(found, options)
     if not set(RESULT_FIELDS) <= set(cloud.fields):
-        return Description(path, "cloud", format_name, _cloud(cloud), None, {})
-    return Description(path, "result", format_name, _cloud(cloud), _result(cloud), _beside(path))
+        return _described(path, "cloud", format_name, _cloud(cloud), None, {})
+    return _described(path, "result", format_name, _cloud(cloud), _result(cloud), _beside(path))
 
 
-def _describe_json(found: Content) -> Description:
+def _described(
+    path: str, kind: str, format_name: str, cloud: Summary | None, patches: Summary | None, content: Mapping[str, Any]
+) -> Summary:
+    return {
+        "path": path,
+        "kind": kind,
+        "format": format_name,
+        "cloud": cloud,
+        "patches": patches,
+        "content": _brief(content),
+    }
+
+
+def _describe_json(found: Content) -> Summary:
     with damage_in_one_line(found.source):
         content = dict(json.loads(found.data()))
     schema = str(content.get("schema", "none"))[:40]
     if not schema.startswith(("mapq.model/", "mapq.result/")):
         raise InputError(f"{found.source}: JSON that is neither a model nor a result of mapq (schema {schema}).")
     kind = schema.partition("/")[0].removeprefix("mapq.")
-    return Description(found.path, kind, schema, None, None, _brief(content))
+    return _described(found.path, kind, schema, None, None, content)
 
 
-def _describe_folder(folder: ResultFolder) -> Description:
+def _describe_folder(folder: MapFiles) -> Summary:
     """Return the summary of a result in tiles, which is read a piece at a time."""
     head, _ = read_result_json(folder.json)
     n_patches, n_suspicious = patch_counts(folder.json, head)
     parts, n_points = [], np.zeros(n_patches + 1, np.int64)
-    for piece in folder.pieces(folder.fields):
+    for _, piece in folder.pieces(folder.fields):
         patch = piece.fields[PATCH].astype(np.int64)
         if len(patch) and not -1 <= int(patch.min()) <= int(patch.max()) < n_patches:
             raise InputError(f"{folder.json}: not the JSON of {folder.path}, which has other patches.")
         n_points += np.bincount(patch + 1, minlength=n_patches + 1)
         parts.append(_cloud(piece, NAN))
     labels = {"plausible": n_patches - n_suspicious, "suspicious": n_suspicious}
-    tiles = f"{len(folder.tiles)} tile{'' if len(folder.tiles) == 1 else 's'}"
-    content = {**_brief(head), "patches": f"{n_patches} entries"}
-    return Description(folder.path, "result", tiles, _joined(parts), _summary(n_points[1:], labels), content)
+    tiles = f"{len(folder.heads)} tile{'' if len(folder.heads) == 1 else 's'}"
+    content = {**head, "patches": f"{n_patches} entries"}
+    return _described(folder.path, "result", tiles, _joined(parts), _summary(n_points[1:], labels), content)
 
 
-def _joined(parts: list[CloudSummary]) -> CloudSummary:
+def _joined(parts: list[Summary]) -> Summary:
     """Return the summary of all pieces of a cloud."""
-    fields = tuple(
-        several[0]._replace(low=min(each.low for each in several), high=max(each.high for each in several))
-        for several in zip(*(part.fields for part in parts), strict=True)
-    )
-    return replace(
-        parts[0],
-        n_points=sum(part.n_points for part in parts),
-        n_finite=sum(part.n_finite for part in parts),
-        low=np.min([part.low for part in parts], axis=0),
-        high=np.max([part.high for part in parts], axis=0),
-        fields=fields,
-    )
+    fields = [
+        {**several[0], "low": min(each["low"] for each in several), "high": max(each["high"] for each in several)}
+        for several in zip(*(part["fields"] for part in parts), strict=True)
+    ]
+    counts = {name: sum(part[name] for part in parts) for name in ("n_points", "n_finite")}
+    low, high = np.min([part["low"] for part in parts], axis=0), np.max([part["high"] for part in parts], axis=0)
+    return {**parts[0], **counts, "low": low, "high": high, "fields": fields}
 
 
 def median_spacing(xyz: NDArray[np.float64]) -> float:
@@ -195,46 +144,55 @@ def median_spacing(xyz: NDArray[np.float64]) -> float:
     return float(np.median(tree.query(xyz[chosen], k=2)[0][:, 1]))
 
 
-def _cloud(cloud: PointCloud, spacing: float | None = None) -> CloudSummary:
-    """Return the summary of a cloud; its spacing is measured unless it is given."""
-    finite = cloud.finite()
-    xyz = cloud.xyz[finite]
-    return CloudSummary(
-        n_points=len(cloud),
-        n_finite=len(xyz),
-        low=cloud.world_of(xyz.min(axis=0)),
-        high=cloud.world_of(xyz.max(axis=0)),
-        shift=cloud.shift,
-        unit=cloud.unit,
-        coordinate_type=np.dtype(cloud.coordinate_type).name,
-        fields=tuple(_field(name, values) for name, values in cloud.fields.items()),
-        spacing=median_spacing(xyz) if spacing is None else spacing,
-    )
+def _cloud(cloud: PointCloud, spacing: float | None = None) -> Summary:
+    """Return the summary of a cloud; its spacing is measured unless it is given.
+
+    The box (3,) is that of points with three finite coordinates; it and the shift (3,), which is subtracted before all
+    work, are in world coordinates. `unit` (3,): metres in a unit of these. `spacing`: median distance in metres of a
+    point to its nearest neighbour, on a sample; nan for one point and for tiles.
+    """
+    xyz = cloud.xyz[cloud.finite()]
+    return {
+        "n_points": len(cloud),
+        "n_finite": len(xyz),
+        "low": cloud.world_of(xyz.min(axis=0)),
+        "high": cloud.world_of(xyz.max(axis=0)),
+        "shift": cloud.shift,
+        "unit": cloud.unit,
+        "coordinate_type": np.dtype(cloud.coordinate_type).name,
+        "fields": [_field(name, values) for name, values in cloud.fields.items()],
+        "spacing": median_spacing(xyz) if spacing is None else spacing,
+    }
 
 
-def _field(name: str, values: Array) -> FieldSummary:
+def _field(name: str, values: Array) -> Summary:
+    """Return the numbers a point of a field, and the range of the finite ones: nan where there are none."""
     known = values[np.isfinite(values)]
     low, high = (known.min().item(), known.max().item()) if known.size else (NAN, NAN)
-    return FieldSummary(name, values.dtype.name, int(np.prod(values.shape[1:])), low, high)
+    n_values = int(np.prod(values.shape[1:]))
+    return {"name": name, "type": values.dtype.name, "n_values": n_values, "low": low, "high": high}
 
 
-def _patches(patches: Patches) -> PatchSummary:
+def _patches(patches: Patches) -> Summary:
     return _summary(patches.counts, _counted(patches.label, LABELS), _counted(patches.label_source, SOURCES))
 
 
-def _result(cloud: PointCloud) -> PatchSummary:
+def _result(cloud: PointCloud) -> Summary:
     inside = cloud.fields[PATCH] != NO_PATCH
     _, first, counts = np.unique(cloud.fields[PATCH][inside], return_index=True, return_counts=True)
     labels = _counted(cloud.fields["suspicious"][inside][first], LABELS)
     return _summary(counts, {name: labels[name] for name in ("plausible", "suspicious")})
 
 
-def _summary(
-    counts: NDArray[np.int64], labels: Mapping[str, int], sources: Mapping[str, int] | None = None
-) -> PatchSummary:
+def _summary(counts: NDArray[np.int64], labels: Mapping[str, int], sources: Mapping[str, int] | None = None) -> Summary:
     """Return the summary of patches with these numbers of points (m,)."""
-    median = float(np.median(counts)) if len(counts) else NAN
-    return PatchSummary(len(counts), int(counts.sum()), median, labels, sources or {})
+    return {
+        "n_patches": len(counts),
+        "n_points_in_patches": int(counts.sum()),
+        "points_per_patch": float(np.median(counts)) if len(counts) else NAN,
+        "labels": labels,
+        "label_sources": sources or {},
+    }
 
 
 def _counted(values: NDArray[Any], kinds: Mapping[str, int]) -> dict[str, int]:
@@ -248,7 +206,7 @@ def _beside(path: str) -> dict[str, Any]:
         return {}
     try:
         head, patches = read_result_json(beside)
-        return {**_brief(head), "patches": f"{sum(1 for _ in patches)} entries"}
+        return {**head, "patches": f"{sum(1 for _ in patches)} entries"}
     except InputError as error:  # it may be another program's
         logger.warning("%s It is left out", error)
         return {}

@@ -14,8 +14,8 @@ from mapq.configuration import AS_IT_IS, ReadOptions
 from mapq.io.clouds import parse_cloud
 from mapq.io.content import Content
 from mapq.io.patches import holds_patches, parse_patches
-from mapq.io.result_folder import ResultFolder, is_result_folder, open_result_folder
 from mapq.io.results import RESULT_FIELDS, json_beside, read_result_json
+from mapq.io.tiles import MapFiles, is_result_folder, open_result_folder
 from mapq.labels import NO_PATCH
 from mapq.patches import Patches
 from prf.shell.errors import InputError
@@ -40,12 +40,12 @@ class StoredResult(NamedTuple):
     """A RESULT; the points of a folder are read a piece at a time, as they may not fit into memory."""
 
     path: str
-    points: PointCloud | ResultFolder
+    points: PointCloud | MapFiles
 
     @property
     def json(self) -> Path:
         """The file with the patches."""
-        return self.points.json if isinstance(self.points, ResultFolder) else Path(json_beside(self.path))
+        return self.points.json if isinstance(self.points, MapFiles) else Path(json_beside(self.path))
 
     @property
     def fields(self) -> tuple[str, ...]:
@@ -57,7 +57,7 @@ class StoredResult(NamedTuple):
         if isinstance(self.points, PointCloud):
             yield self.points
         else:
-            yield from self.points.pieces((*RESULT_FIELDS, *names))
+            yield from (piece for _, piece in self.points.pieces((*RESULT_FIELDS, *names)))
 
     def content(self) -> tuple[dict[str, Any], Iterator[Row]]:
         """Return the JSON without the patches, and an iterator over these."""

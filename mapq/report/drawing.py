@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from mapq.cloud import PointCloud
 from mapq.configuration import AS_IT_IS, ReadOptions
 from mapq.io.maps import read_map
-from mapq.io.result_folder import thinned
 from mapq.io.results import RESULT_FIELDS, patch_counts
+from mapq.io.tiles import thinned
 from mapq.labels import NO_PATCH, PLAUSIBLE, SUSPICIOUS, UNLABELLED
 from mapq.patches import Patches
 from mapq.picture import Colour, Picture, picture_of_points

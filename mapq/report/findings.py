@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from mapq.cloud import PointCloud
 from mapq.io.maps import Row, StoredResult, read_map
-from mapq.io.result_folder import thinned_by_patch
 from mapq.io.results import LABEL, RESULT_FIELDS
+from mapq.io.tiles import thinned_by_patch
 from mapq.labels import NO_PATCH, PLAUSIBLE, SUSPICIOUS
 from mapq.patches import Patches
 from prf.shell.cli.files import STREAM

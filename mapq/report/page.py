@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import PurePath
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -234,25 +234,20 @@ DIGITS = 5
 """Significant digits of numbers in a page."""
 
 
-class Written(NamedTuple):
-    """Size of a report: bytes, points that the views show, and those of the map."""
-
-    n_bytes: int
-    n_shown: int
-    n_points: int
-
-
-def write_report(path: str, findings: Findings, title: str | None = None, max_points: int = MAX_POINTS) -> Written:
+def write_report(
+    path: str, findings: Findings, title: str | None = None, max_points: int = MAX_POINTS
+) -> tuple[int, int]:
     """Write the report on a result, whole or not at all; ``-`` is standard output.
 
-    `title` instead of the name of the file; `max_points`: points shown, about.
+    `title` instead of the name of the file; `max_points`: points shown, about. Returns the bytes of the page, and how
+    many points its views show.
     """
     scene = build_scene(findings.cloud.xyz, findings.patch, findings.normal, findings.label, max_points)
     scene = scene._replace(n_points=findings.n_points)
     text = _page(findings, scene, title or PurePath(findings.path).name)
     with open_output(path) as stream:
         stream.write(text)
-    return Written(len(encoded(text)), len(scene.points), scene.n_points)
+    return len(encoded(text)), len(scene.points)
 
 
 def _page(findings: Findings, scene: PageScene, title: str) -> str:

@@ -1,9 +1,14 @@
-"""Plane patches of a point cloud by region growing."""
+"""Plane patches of a point cloud by region growing.
+
+Regions grow in the points of a tile; those of all tiles are united, what is too small or too tilted is dropped, and the
+rest numbered. A map in memory is one tile.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,17 +16,27 @@ from numpy.typing import NDArray
 from mapq.axes import GroundPlan, turn
 from mapq.cloud import PointCloud
 from mapq.configuration import SegmentSettings
+from mapq.kernels.planes import MOMENTS
+from mapq.kernels.regions import PLANE_BITS, number_plane_cells, sum_regions
 from mapq.patches import Patches
-from mapq.segmentation.join import describe_regions, join_regions, warnings_of
 from mapq.segmentation.parameters import Parameters, choose_parameters
 from mapq.segmentation.points import Points, sort_points
-from mapq.segmentation.regions import Core, find_regions, make_core, spread_out
+from mapq.segmentation.regions import MERGE_RMS, Core, Fits, find_regions, fit_sums, make_core, merge, spread_out
 from prf.shell.cli.console import Report
 from prf.shell.errors import InputError
 
 STAGES = ("sorting", "estimating", "neighbours and normals", "growing", "finishing")
 FEWEST_POINTS = 3
 MANY_POINTS = 10_000
+WIDTH_IN_THICKNESS = 4.0
+"""Standard deviations along the short side by those across: less is a slab of points, not a surface."""
+CELL_IN_SPACING = 2.0
+"""Side of the cells by which areas are counted: a cell on a surface holds four points, so few stay empty."""
+MANY_NARROW = 0.05
+FEW_FLAT = 0.3
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
 
 def segment(
@@ -98,3 +113,165 @@ def _on_one_line(xyz: NDArray[np.float64]) -> bool:
     offset = xyz - xyz.mean(axis=0)
     spread = np.linalg.eigvalsh(offset.T @ offset / len(xyz))
     return bool(spread[1] <= 1e-12 * spread[2])
+
+
+class Regions(NamedTuple):
+    """The regions (r) of a tile, by the points that belong to it."""
+
+    origin: Floats  # (r, 3) moments of the distinct points about an origin
+    sums: Floats  # (r, 10)
+    n_points: Ints  # (r,) repeated points included
+    first: NDArray[np.uint64]  # (r,) smallest Morton code of the points
+    area: Floats  # (r,) m²
+
+
+class Joined(NamedTuple):
+    """The patches (m) of a map, largest first (ties: by their first point)."""
+
+    # (r + 1,) by tile, the patch of each of its regions, -1 for none; the last one is that of points
+    # without a region
+    number: list[NDArray[np.int32]]
+    normal: Floats  # (m, 3)
+    centroid: Floats  # (m, 3)
+    mse: Floats  # (m,) mean squared distance from the plane, m²
+    n_points: Ints  # (m,)
+    report: dict[str, Any]  # the report's part on patches and on what was dropped
+
+
+def describe_regions(points: Points, region: NDArray[np.int32], copies: Ints, chosen: Parameters) -> Regions:
+    """Return the moments, counts and areas of regions.
+
+    `region` (u,): of each distinct point. `copies` (u,): points of the tile at each distinct place; places with none
+    count for other tiles.
+    """
+    n_regions = int(region.max(initial=-1)) + 1
+    own = region if copies.all() else np.where(copies > 0, region, np.int32(-1))
+    origin, sums = np.zeros((n_regions, 3)), np.empty((n_regions, MOMENTS))
+    sum_regions(points.xyz, own, origin, sums)
+    members = np.flatnonzero(own >= 0)
+    n_points = np.bincount(own[members], weights=copies[members], minlength=n_regions).astype(np.int64)
+    first = np.full(n_regions, np.iinfo(np.uint64).max, np.uint64)
+    first[own[members[::-1]]] = points.code[members[::-1]]
+    planes = fit_sums(origin, sums).planes
+    area = region_areas(points.xyz, own, planes, CELL_IN_SPACING * chosen.spacing)
+    return Regions(origin, sums, n_points, first, area)
+
+
+def join_regions(tiles: Sequence[Regions], pairs: Ints, chosen: Parameters) -> Joined:
+    """Return the patches of all tiles.
+
+    `pairs` (k, 2): regions, numbered over all tiles, that share points across a border: they are united where one plane
+    fits both.
+    """
+    origin, sums, n_points, first, area = (np.concatenate(values) for values in zip(*tiles, strict=True))
+    parent = merge(fit_sums(origin, sums), np.ascontiguousarray(pairs, np.int32), MERGE_RMS * chosen.max_distance)
+    roots, group = np.unique(parent, return_inverse=True)
+    n_groups = len(roots)
+    fits = add_up(roots.astype(np.int64), group, origin, sums)
+    n_points = np.bincount(group, n_points, n_groups).astype(np.int64)
+    area = np.bincount(group, area, n_groups).astype(np.float64)
+    earliest = np.full(n_groups, np.iinfo(np.uint64).max, np.uint64)
+    np.minimum.at(earliest, group, first)
+    kept = np.flatnonzero(is_large(fits, chosen) & is_upright(fits.planes, chosen))
+    order = kept[np.lexsort((earliest[kept], -n_points[kept]))]
+    number = np.full(n_groups, -1, np.int32)
+    number[order] = np.arange(len(order))
+    ends = np.cumsum([len(tile.origin) for tile in tiles])[:-1]
+    return Joined(
+        [np.append(each, np.int32(-1)) for each in np.split(number[group], ends)],
+        fits.planes[order, :3].copy(),
+        fits.planes[order, 3:].copy(),
+        np.maximum(fits.spread[order, 0], 0.0),
+        n_points[order],
+        report_of(fits, chosen, n_points, area),
+    )
+
+
+def add_up(roots: Ints, group: Ints, origin: Floats, sums: Floats) -> Fits:
+    """Return the planes of groups of regions: the moments (r, 10) of each added about the origin of its root (g,)."""
+    to = np.ascontiguousarray(origin[roots])
+    moved = translate(sums, origin - to[group])
+    total = np.column_stack([np.bincount(group, column, len(roots)) for column in moved.T]).astype(np.float64)
+    return fit_sums(to, total)
+
+
+def translate(sums: Floats, by: Floats) -> Floats:
+    """Return moments (m, 10) about origins that lie `by` (m, 3) farther back."""
+    n, linear = sums[:, :1], sums[:, 1:4]
+    out = np.empty_like(sums)
+    out[:, :1], out[:, 1:4] = n, linear + n * by
+    for place, (a, b) in enumerate(((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)), 4):
+        mixed = by[:, a] * linear[:, b] + by[:, b] * linear[:, a]
+        out[:, place] = sums[:, place] + mixed + sums[:, 0] * by[:, a] * by[:, b]
+    return out
+
+
+def report_of(fits: Fits, chosen: Parameters, n_points: Ints, areas: Floats) -> dict[str, Any]:
+    """Return the report's part on regions (m): which are patches, and what was dropped."""
+    large, upright = is_large(fits, chosen), is_upright(fits.planes, chosen)
+    kept = large & upright
+    return {
+        "patches": int(np.count_nonzero(kept)),
+        "points_in_patches": int(n_points[kept].sum()),
+        "dropped_for_tilt": _tally(large & ~upright, n_points, areas),
+        "dropped_as_small": _tally(~large & (fits.sums[:, 0] > 0), n_points, areas),
+    }
+
+
+def is_large(fits: Fits, chosen: Parameters) -> NDArray[np.bool_]:
+    """Return which regions (m,) have points and width enough, and are not slabs."""
+    thickness, side = np.sqrt(np.nan_to_num(fits.spread[:, 0])), np.sqrt(np.nan_to_num(fits.spread[:, 1]))
+    wide = (np.sqrt(12.0) * side >= chosen.min_extent) & (side >= WIDTH_IN_THICKNESS * thickness)
+    return np.asarray(wide & (fits.sums[:, 0] >= max(chosen.min_points, 3)))
+
+
+def is_upright(planes: Floats, chosen: Parameters) -> NDArray[np.bool_]:
+    """Return which planes (m,) are within the tilt allowed from vertical."""
+    tilt = np.degrees(np.arcsin(np.clip(np.abs(planes[:, :3] @ chosen.up), 0.0, 1.0)))
+    return np.asarray(~(tilt > chosen.max_tilt))
+
+
+def region_areas(xyz: Floats, region: NDArray[np.int32], planes: Floats, cell: float) -> Floats:
+    """Return the area (m,) of each region in square metres: cells of its plane that hold a point."""
+    key = np.empty(len(xyz), np.int64)
+    number_plane_cells(xyz, region, planes, cell, key)
+    cells = np.sort(key[key >= 0])
+    new = np.ones(len(cells), bool)
+    new[1:] = cells[1:] != cells[:-1]
+    n_cells = np.bincount(cells[new] >> PLANE_BITS, minlength=len(planes))
+    return np.asarray(n_cells * (cell * cell), np.float64)
+
+
+def warnings_of(chosen: Parameters, n_far: int, found: dict[str, Any]) -> list[str]:
+    """Return a sentence for each reason why patches of a cloud are few or doubtful."""
+    warnings = []
+    tilted, small = found["dropped_for_tilt"]["patches"], found["dropped_as_small"]["patches"]
+    if found["patches"] == 0 and tilted:
+        warnings.append(f"no patches: all {tilted} found are tilted too far from vertical. --max-tilt 90 keeps them.")
+    elif found["patches"] == 0 and small:
+        warnings.append(
+            f"no patches: all {small} regions found are too small. Lower segment.min_points or segment.min_extent."
+        )
+    elif found["patches"] == 0:
+        warnings.append("no patches: no part of this cloud is a plane at its spacing and noise.")
+    if chosen.narrow_share > MANY_NARROW:
+        warnings.append(
+            f"{chosen.narrow_share:.0%} of the points have neighbours along one scan line only, or within the noise, "
+            "and show no plane. A larger segment.resolution, or more segment.neighbours, may."
+        )
+    if chosen.flat_share < FEW_FLAT:
+        warnings.append(
+            f"only {chosen.flat_share:.0%} of the neighbourhoods show a plane: spacing and noise are estimated from "
+            "little. Set segment.noise and segment.resolution if you know them."
+        )
+    if n_far:
+        warnings.append(f"{n_far} points lie very far from all others and were left out.")
+    return warnings
+
+
+def _tally(which: NDArray[np.bool_], n_points: Ints, areas: Floats) -> dict[str, int | float]:
+    return {
+        "patches": int(np.count_nonzero(which)),
+        "points": int(n_points[which].sum()),
+        "area": float(areas[which].sum()),
+    }

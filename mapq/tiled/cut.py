@@ -7,12 +7,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mapq.segmentation import FEWEST_POINTS, cut_points
-from mapq.segmentation.join import Joined, Regions, describe_regions, join_regions
+from mapq.segmentation import FEWEST_POINTS, Joined, Regions, cut_points, describe_regions, join_regions
 from mapq.segmentation.parameters import Parameters
 from mapq.segmentation.points import sort_in_frame
-from mapq.tiled.source import WorkFolder
-from mapq.tiled.tiling import Tiling
+from mapq.tiled.tiling import Tiling, WorkFolder
 
 FAIR_SHARE = 0.5
 """Of the points of the smaller region that both tiles see: the share in the other region if the two meet."""
@@ -21,18 +19,6 @@ FEWEST_SHARED = 3
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
-
-
-class CutTask(NamedTuple):
-    """A tile, where its points are, and how it is segmented."""
-
-    tile: int
-    store: WorkFolder
-    tiling: Tiling
-    halo: float  # metres
-    chosen: Parameters
-    frame: Floats  # (4,) corner and side of the octree of the whole map
-    near: Floats  # (2, 3) box of the map; points beyond it are left out
 
 
 class TileRegions(NamedTuple):
@@ -68,21 +54,28 @@ class Whole(NamedTuple):
         return self.low.min(axis=0) if len(self.low) else np.zeros(3)
 
 
-def cut_tile(task: CutTask) -> TileRegions:
-    """Segment a tile with its halo, and write its points region after region, and those that other tiles see."""
-    store, tile = task.store, task.tile
-    own = _inside(store.spooled(tile), task.near)
-    around = [_inside(store.spooled(other), task.near) for other in task.tiling.neighbours(tile, task.halo).tolist()]
-    records = np.concatenate([own, *(each[task.tiling.near(each["xyz"], tile, task.halo)] for each in around)])
-    points = sort_in_frame(np.ascontiguousarray(records["xyz"]), task.frame)
+def cut_tile(
+    tile: int, store: WorkFolder, tiling: Tiling, halo: float, chosen: Parameters, frame: Floats, near: Floats
+) -> TileRegions:
+    """Segment a tile with its halo, and write its points region after region, and those that other tiles see.
+
+    `halo`: metres. `frame` (4,): corner and side of the octree of the whole map. `near` (2, 3): box of the map; points
+    beyond it are left out.
+    """
+    own = _inside(store.spooled(tile), near)
+    around = [_inside(store.spooled(other), near) for other in tiling.neighbours(tile, halo).tolist()]
+    records = np.concatenate([own, *(each[tiling.near(each["xyz"], tile, halo)] for each in around)])
+    points = sort_in_frame(np.ascontiguousarray(records["xyz"]), frame)
     copies = np.bincount(points.number[: len(own)], minlength=len(points.xyz))
     region, n_looked_at = np.full(len(points.xyz), -1, np.int32), 0
     if len(points.xyz) >= FEWEST_POINTS:
-        region, core = cut_points(points, task.chosen)
+        region, core = cut_points(points, chosen)
         n_looked_at = int(np.count_nonzero(copies[core.place]))
     of_point = region[points.number]
-    _write_border(task, records, of_point, len(own))
-    regions = describe_regions(points, region, copies, task.chosen)
+    shared = ~tiling.near(records["xyz"], tile, -halo)
+    shared[len(own) :] = True
+    _write_border(store.path("border", tile), records["number"][shared], of_point[shared])
+    regions = describe_regions(points, region, copies, chosen)
     n_regions = len(regions.origin)
     place = np.where(of_point[: len(own)] < 0, n_regions, of_point[: len(own)])
     order = np.argsort(place, kind="stable")
@@ -101,14 +94,11 @@ def _inside(records: NDArray[np.void], near: Floats) -> NDArray[np.void]:
     return inside
 
 
-def _write_border(task: CutTask, records: NDArray[np.void], region: NDArray[np.int32], n_own: int) -> None:
+def _write_border(path: str, number: Ints, region: NDArray[np.int32]) -> None:
     """Write number and region of the points that other tiles see too, by number."""
-    shared = ~task.tiling.near(records["xyz"], task.tile, -task.halo)
-    shared[n_own:] = True
-    rows = np.flatnonzero(shared)
-    rows = rows[np.argsort(records["number"][rows])]
-    with open(task.store.path("border", task.tile), "wb") as stream:
-        np.save(stream, np.column_stack([records["number"][rows], region[rows]]))
+    order = np.argsort(number)
+    with open(path, "wb") as stream:
+        np.save(stream, np.column_stack([number[order], region[order]]))
 
 
 def unite(cuts: list[TileRegions], store: WorkFolder, tiling: Tiling, halo: float, chosen: Parameters) -> Whole:

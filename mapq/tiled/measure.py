@@ -7,8 +7,10 @@ are thinned.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import partial
+from operator import call
 from typing import NamedTuple
 
 import numpy as np
@@ -30,8 +32,8 @@ from mapq.patches import Patches
 from mapq.results.causes import Cause, Spread, cause_of, copies_of, measure_spread, reach_of
 from mapq.results.visits import Clock, Stays, Visits, to_sensor_of
 from mapq.tiled.cut import Whole
-from mapq.tiled.output import Workers
-from mapq.tiled.source import WorkFolder
+from mapq.tiled.tiling import WorkFolder
+from prf.shell.scheduler import Workers
 
 LOOSE_REACH = 2.0 * FARTHEST
 """Metres from a patch within which points may lie over it, whether they are in a patch or in none."""
@@ -82,40 +84,40 @@ def part_of(whole: Whole, store: WorkFolder, number: Ints, step: Ints) -> PatchG
     )
 
 
-class MeasureTask(NamedTuple):
-    """Patches that are measured, those that their measures depend on, and how."""
+def measure_part(
+    part: PatchGroup,
+    is_own: NDArray[np.bool_],
+    is_about: NDArray[np.bool_],
+    step: int,
+    rest: Ints,
+    settings: FeatureSettings,
+    beyond: Beyond,
+) -> PatchFeatures:
+    """Measure some patches of a group (o,), and the pairs that they are in, numbered as in the map.
 
-    part: PatchGroup
-    is_own: NDArray[np.bool_]  # (c,) which of them are measured
-    # (c,) over which of them all points of no patch are wanted; over the others one of `step`
-    is_about: NDArray[np.bool_]
-    step: int
-    rest: Ints  # (q, 4) slices of the points of no patch that may lie near
-    settings: FeatureSettings
-    beyond: Beyond
-
-
-def measure_part(task: MeasureTask) -> PatchFeatures:
-    """Measure the own patches of a task (o,), and the pairs that they are in, numbered as in the map."""
-    number = task.part.number
-    found = measure(_with_loose(task.part.load(), task), task.settings, task.beyond, task.is_own)
+    `is_own` (c,): which of the group; their measures depend on the others. `is_about` (c,): over which of the group all
+    points of no patch are wanted; over the others one of `step`. `rest` (q, 4): slices of the points of no patch that
+    may lie near.
+    """
+    found = measure(_with_loose(part, is_about, step, rest), settings, beyond, is_own)
     return found._replace(
-        node=found.node[task.is_own], shape=found.shape[task.is_own], pairs=number.astype(np.int32)[found.pairs]
+        node=found.node[is_own], shape=found.shape[is_own], pairs=part.number.astype(np.int32)[found.pairs]
     )
 
 
-def _with_loose(patches: Patches, task: MeasureTask) -> Patches:
+def _with_loose(part: PatchGroup, is_about: NDArray[np.bool_], step: int, rest: Ints) -> Patches:
     """Return patches with the points of no patch that may lie over them."""
-    cloud, store = patches.cloud, task.part.store
-    about, far = (_voxels_about(cloud.xyz[some[patches.patch]]) for some in (task.is_about, ~task.is_about))
+    patches, store = part.load(), part.store
+    cloud = patches.cloud
+    about, far = (_voxels_about(cloud.xyz[some[patches.patch]]) for some in (is_about, ~is_about))
     found = []
-    for records in _chunks(store, task.rest):
-        key = voxel_keys(records["xyz"] - task.part.corner, FARTHEST)
+    for records in _chunks(store, rest):
+        key = voxel_keys(records["xyz"] - part.corner, FARTHEST)
         wanted = np.isin(key, about)
-        wanted[np.flatnonzero(~wanted & np.isin(key, far))[:: task.step]] = True
+        wanted[np.flatnonzero(~wanted & np.isin(key, far))[::step]] = True
         found.append(records[wanted])
     loose = _cloud(np.concatenate([np.zeros(0, store.record), *found]))
-    xyz = np.concatenate([cloud.xyz, loose.xyz - task.part.corner])
+    xyz = np.concatenate([cloud.xyz, loose.xyz - part.corner])
     fields = {name: np.concatenate([cloud.fields[name], loose.fields[name]]) for name in cloud.fields}
     number = np.concatenate([patches.patch, np.full(len(loose), NO_PATCH, np.int32)])
     return replace(patches, cloud=PointCloud(xyz, cloud.shift, fields), patch=number)
@@ -179,9 +181,9 @@ class Measuring:
             own = centres[np.unique(owner[group])]
             reached = centres[cKDTree(own).query(centres)[0] <= WINDOW + OWNED] if len(own) else centres
             tasks.append(self._task(group, own if has_windows else centres[:0], Beyond(known, reached)))
-        yield from self._workers(measure_part, tasks)
+        yield from self._workers(call, tasks)
 
-    def _task(self, group: Ints, windows: Floats, beyond: Beyond) -> MeasureTask:
+    def _task(self, group: Ints, windows: Floats, beyond: Beyond) -> Callable[[], PatchFeatures]:
         whole, settings = self._whole, self._settings
         has_copies = "copies" in settings.context
         about = self._about(group) if has_copies else group
@@ -197,7 +199,8 @@ class Measuring:
             rest = whole.rest[is_met[whole.rest[:, 0]]]
         centres = None if beyond.centres is None else beyond.centres - whole.corner
         is_own, is_about = (np.isin(number, some, assume_unique=True) for some in (group, about))
-        return MeasureTask(part, is_own, is_about, step, rest, settings, beyond._replace(centres=centres))
+        beyond = beyond._replace(centres=centres)
+        return partial(measure_part, part, is_own, is_about, step, rest, settings, beyond)
 
     def _about(self, own: Ints) -> Ints:
         """Return the patches, ascending, whose layers are evidence of some patches; these themselves too."""
@@ -237,41 +240,32 @@ class Measuring:
                 several = [copies[patch] for patch in some.tolist()]
                 number = np.unique(np.concatenate([some, *(np.array(each, np.int64) for each in several)]))
                 part = part_of(self._whole, self._store, number, self._step[number])
-                tasks.append(CauseTask(part, some, several, reach[some], clock, stays.value, visits))
+                tasks.append(partial(measure_spreads, part, some, several, reach[some], clock, stays.value, visits))
                 own.append(some.tolist())
         found = {
             patch: cause_of(spread, visits, features.disagreement[patch])
-            for some, spreads in zip(own, self._workers(measure_spreads, tasks), strict=True)
+            for some, spreads in zip(own, self._workers(call, tasks), strict=True)
             for patch, spread in zip(some, spreads, strict=True)
         }
         return dict(sorted(found.items()))
 
 
-class CauseTask(NamedTuple):
-    """Suspicious patches, those that may be copies of each, how far off points count (c,), and when the map was seen.
+def measure_spreads(
+    part: PatchGroup, wanted: Ints, copies: list[list[int]], reach: Floats, clock: Clock, value: Floats, visits: Visits
+) -> list[Spread]:
+    """Return how the points of the patches wanted (c,) and of their copies differ in height by visits and scans.
 
-    `value` (k,) is the clock's at all moments of the map.
+    `copies`: patches that may be copies of each. `reach` (c,): how far off points count. `value` (k,): the clock's at
+    all moments of the map.
     """
-
-    part: PatchGroup
-    patches: Ints
-    copies: list[list[int]]
-    reach: Floats
-    clock: Clock
-    value: Floats
-    visits: Visits
-
-
-def measure_spreads(task: CauseTask) -> list[Spread]:
-    """Return how the points of patches and of their copies differ in height by visits and scans."""
-    patches, number = task.part.load(), task.part.number
-    values = task.clock.values(patches.cloud)
-    moment = np.where(np.isfinite(values), np.searchsorted(task.value, values), -1).astype(np.int64)
-    visits = task.visits._replace(moment=moment, to_sensor=to_sensor_of(patches.cloud, task.clock))
+    patches = part.load()
+    values = clock.values(patches.cloud)
+    moment = np.where(np.isfinite(values), np.searchsorted(value, values), -1).astype(np.int64)
+    visits = visits._replace(moment=moment, to_sensor=to_sensor_of(patches.cloud, clock))
     return [
-        measure_spread(patches, place, np.searchsorted(number, copies).tolist(), visits, reach)
-        for place, copies, reach in zip(
-            np.searchsorted(number, task.patches).tolist(), task.copies, task.reach.tolist(), strict=True
+        measure_spread(patches, place, np.searchsorted(part.number, several).tolist(), visits, far)
+        for place, several, far in zip(
+            np.searchsorted(part.number, wanted).tolist(), copies, reach.tolist(), strict=True
         )
     ]
 

@@ -18,16 +18,14 @@ from typing import Any, NamedTuple
 
 from mapq import __version__
 from mapq.cloud import PointCloud
-from mapq.io.las_write import open_las_pieces
 from mapq.io.ply import write_ply_pieces
-from mapq.io.result_folder import RESULT_JSON
 from mapq.io.results import claim_result, json_beside, result_lines
-from mapq.io.write import LAS_SUFFIXES, write_cloud
-from mapq.tiled.source import Map, Source
+from mapq.io.tiles import RESULT_JSON, MapFiles
+from mapq.io.write import LAS_SUFFIXES, open_las_pieces, write_cloud
 from prf.shell.cli.files import STREAM, atomic_write, together
 from prf.shell.cli.outputs import claim, claim_output
-from prf.shell.errors import InputError, OutputExists, PrfError, UsageError, require
-from prf.shell.scheduler import open_client
+from prf.shell.errors import InputError, OutputExists, UsageError
+from prf.shell.scheduler import Workers, open_pool
 
 CLOUD_SUFFIXES = (*LAS_SUFFIXES, ".ply")
 COPC = ".copc.laz"
@@ -42,7 +40,7 @@ class Output(NamedTuple):
     json: str
 
 
-def plan_output(path: str, whole: Map, is_tiled: bool, force: bool) -> Output:
+def plan_output(path: str, whole: MapFiles, is_tiled: bool, force: bool) -> Output:
     """Return what is written under a name: a folder for a folder, unless the name is that of a cloud.
 
     Raises OutputExists, OutputError if it exists and `force` is not given, holds other tiles, or cannot be written;
@@ -52,15 +50,15 @@ def plan_output(path: str, whole: Map, is_tiled: bool, force: bool) -> Output:
         raise UsageError("a map in tiles cannot be written to standard output. Name a file or a folder with -o.")
     if not is_tiled or path.lower().endswith(CLOUD_SUFFIXES) or path == os.devnull:
         claim_result(path, force)
-        return Output(path, False, (path,) * len(whole.sources), json_beside(path))
+        return Output(path, False, (path,) * len(whole.heads), json_beside(path))
     folder = Path(path)
-    if folder.is_dir() and any(os.path.samefile(folder, Path(source.path).parent) for source in whole.sources):
+    if folder.is_dir() and any(os.path.samefile(folder, Path(head.path).parent) for head in whole.heads):
         raise UsageError(f"{path} is the input and would be overwritten. Name another folder with -o.")
     if not folder.is_dir():
         claim_output(path, force)
     elif not force and any(folder.iterdir()):
         raise OutputExists(f"{path} already exists. Use --force to overwrite.")
-    files = tuple(str(folder / _name(source)) for source in whole.sources)
+    files = tuple(str(folder / _name(head.path)) for head in whole.heads)
     others = sorted({str(each) for each in folder.glob("*") if each.suffix.lower() in LAS_SUFFIXES} - set(files))
     if others:
         raise OutputExists(f"{others[0]} would be taken for a tile of the result. Remove it, or name another folder.")
@@ -68,16 +66,16 @@ def plan_output(path: str, whole: Map, is_tiled: bool, force: bool) -> Output:
     return Output(path, True, files, str(folder / RESULT_JSON))
 
 
-def _name(source: Source) -> str:
-    """Return the name of a tile of the result: that of the source; COPC becomes plain LAZ."""
-    name = Path(source.path).name
+def _name(path: str) -> str:
+    """Return the name of a tile of the result: that of its source; COPC becomes plain LAZ."""
+    name = Path(path).name
     return name[: -len(COPC)] + ".laz" if name.lower().endswith(COPC) else name
 
 
 def write_map(
     work: str,
     output: Output,
-    whole: Map,
+    whole: MapFiles,
     clouds: Iterable[tuple[int, PointCloud]],
     json: tuple[Mapping[str, Any], Iterable[Mapping[str, Any]]],
 ) -> None:
@@ -90,7 +88,7 @@ def write_map(
         return
     made = {name: os.path.join(work, f"made_{Path(name).name}") for name in output.files}
     for name, pieces in groupby(clouds, lambda piece: output.files[piece[0]]):
-        if not whole.sources[0].is_las:
+        if not whole.heads[0].las_header:
             write_cloud(made[name], next(pieces)[1])
             continue
         if not name.lower().endswith(LAS_SUFFIXES):
@@ -108,43 +106,22 @@ def write_map(
             stream.writelines(result_lines(*json))
 
 
-Workers = Callable[[Callable[[Any], Any], Sequence[Any]], Iterable[Any]]
-"""Yields what a function returns for each task, in their order."""
-
-RETRIES = 3
-"""Times that Dask repeats a task whose worker is lost."""
-
-
 @contextmanager
 def open_workers(n_workers: int, scheduler: str | None) -> Iterator[Workers]:
     """Give what maps a function over tasks.
 
     `n_workers`: processes on this machine; one is this process. `scheduler`: address of a Dask scheduler, whose workers
     are used instead. They must see the files of the map and the work folder under the same names. Errors as
-    :func:`prf.shell.scheduler.open_client`; InputError also if workers are lost.
+    :func:`prf.shell.scheduler.open_pool`; InputError also if a process is lost.
     """
     if scheduler is not None:
-        with open_client(scheduler, "mapq", _version) as client:
-            yield lambda function, tasks: _on_cluster(client, scheduler, function, tasks)
+        with open_pool(1, scheduler, "mapq", _version) as workers:
+            yield workers
     elif n_workers <= 1:
         yield map
     else:
         with _processes(n_workers) as pool:
             yield lambda function, tasks: _in_pool(pool, function, tasks)
-
-
-def _on_cluster(client: Any, address: str, function: Callable[[Any], Any], tasks: Sequence[Any]) -> Iterator[Any]:
-    dask = require("distributed", "distributed", "--scheduler")
-    futures = [client.submit(function, task, pure=False, retries=RETRIES) for task in tasks]
-    try:
-        for future in futures:
-            yield future.result()
-    except PrfError:
-        raise
-    except (dask.CancelledError, dask.KilledWorker, OSError, TimeoutError) as error:
-        raise InputError(
-            f"--scheduler {address}: scheduler or workers are lost ({type(error).__name__}). Start them again."
-        ) from error
 
 
 def _version() -> str:

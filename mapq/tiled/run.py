@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
+from functools import partial
+from operator import call
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,23 +20,23 @@ from mapq.features.compute import feature_settings
 from mapq.features.disagreement import FIELDS, Known, Span, decide, span_of
 from mapq.io.models import read_default_model
 from mapq.io.results import result_cloud
+from mapq.io.tiles import MapFiles, is_tiled, open_map
 from mapq.labels import SUSPICIOUS
 from mapq.model import Model
 from mapq.patches import Patches, PatchesOnDisk
 from mapq.results import visits
 from mapq.results.result import MIN_COVERAGE, Origin, Result, Seen
-from mapq.segmentation import FEWEST_POINTS
-from mapq.segmentation.join import warnings_of
+from mapq.segmentation import FEWEST_POINTS, warnings_of
 from mapq.segmentation.parameters import Parameters, choose_parameters
 from mapq.segmentation.points import FAR, sort_points
-from mapq.tiled.cut import CutTask, Whole, cut_tile, unite
+from mapq.tiled.cut import Whole, cut_tile, unite
 from mapq.tiled.measure import Measuring
-from mapq.tiled.output import Workers, open_workers, plan_output, write_map
-from mapq.tiled.source import Map, WorkFolder, is_tiled, open_map
-from mapq.tiled.tiling import HALO_IN_GAPS, HALO_IN_SPACING, Counts, Tiling, cells_of, keys_of, make_tiling
+from mapq.tiled.output import open_workers, plan_output, write_map
+from mapq.tiled.tiling import HALO_IN_GAPS, HALO_IN_SPACING, Counts, Tiling, WorkFolder, cells_of, keys_of, make_tiling
 from prf.shell.cli.console import Report, progress, report_nothing
 from prf.shell.cli.files import work_folder
 from prf.shell.errors import InputError
+from prf.shell.scheduler import Workers
 
 SAMPLE = 3_000_000
 """Points of which parameters are estimated, about; smaller maps are used whole."""
@@ -94,7 +96,7 @@ class _Counted(NamedTuple):
 class TiledPatches(NamedTuple):
     """A map that was cut into patches tile by tile, with all that measuring and writing need of it."""
 
-    files: Map
+    files: MapFiles
     store: WorkFolder
     tiling: Tiling
     quarter: int  # by which the map's own axes are turned
@@ -107,7 +109,7 @@ class TiledPatches(NamedTuple):
 
 
 def cut_map(
-    files: Map, settings: Configuration, workers: Workers, folder: str, report: Report = report_nothing
+    files: MapFiles, settings: Configuration, workers: Workers, folder: str, report: Report = report_nothing
 ) -> TiledPatches:
     """Cut a map into patches; its points are kept in the work folder."""
     counted = _count(files, report)
@@ -117,10 +119,10 @@ def cut_map(
     quarter, store = counted.plan.quarter(), WorkFolder(folder, tuple(used))
     tiling = make_tiling(counted.counts.turned(quarter), settings.tiles.tile_points)
     sample, stays = _sort(files, store, tiling, quarter, clock, counted.columns.turned(quarter), report)
-    chosen, frame, near = _estimate(files.name, sample, settings.segment, counted.plan, quarter)
+    chosen, frame, near = _estimate(files.path, sample, settings.segment, counted.plan, quarter)
     halo = max(HALO_IN_GAPS * chosen.max_gap, HALO_IN_SPACING * chosen.spacing)
-    tasks = [CutTask(tile, store, tiling, halo, chosen, frame, near) for tile in range(len(tiling.boxes))]
-    cuts = list(_reported(report, "segmenting", workers(cut_tile, tasks), len(tasks)))
+    tasks = [partial(cut_tile, tile, store, tiling, halo, chosen, frame, near) for tile in range(len(tiling.boxes))]
+    cuts = list(_reported(report, "segmenting", workers(call, tasks), len(tasks)))
     whole = unite(cuts, store, tiling, halo, chosen)
     n_near, n_distinct, n_looked_at = (
         sum(getattr(cut, name) for cut in cuts) for name in ("n_points", "n_distinct", "n_looked_at")
@@ -147,13 +149,13 @@ def _reported(report: Report, stage: str, items: Iterable[Any], n_items: int) ->
         yield item
 
 
-def _pieces(files: Map, report: Report, stage: str, names: tuple[str, ...] | None = None) -> Iterator[Any]:
+def _pieces(files: MapFiles, report: Report, stage: str, names: tuple[str, ...] | None = None) -> Iterator[Any]:
     """Yield the points of a map in pieces, with the number of their file, and report each."""
-    n_pieces = -(-files.n_points // 1_000_000) + len(files.sources)
+    n_pieces = -(-files.n_points // 1_000_000) + len(files.heads)
     return _reported(report, stage, files.pieces(names), n_pieces)
 
 
-def _count(files: Map, report: Report) -> _Counted:
+def _count(files: MapFiles, report: Report) -> _Counted:
     names = tuple(name for name in dict.fromkeys((*FIELDS, *visits.FIELDS)) if name in files.fields)
     counts, columns, plan = Counts(), Counts(SAMPLE_CELL), GroundPlan()
     spans: dict[str, Span | None] = dict.fromkeys(names, Span())
@@ -164,12 +166,12 @@ def _count(files: Map, report: Report) -> _Counted:
             counts, columns, plan = counts.plus(xyz), columns.plus(xyz), plan.joined(GroundPlan.of(xyz))
             spans = {name: _joined(span, span_of(piece, name, number)) for name, span in spans.items()}
     if plan.n_points == 0:
-        raise InputError(f"{files.name}: no point is finite. Check how the map was written.")
+        raise InputError(f"{files.path}: no point is finite. Check how the map was written.")
     return _Counted(counts, columns, plan, spans)
 
 
 def _sort(
-    files: Map,
+    files: MapFiles,
     store: WorkFolder,
     tiling: Tiling,
     quarter: int,
@@ -233,11 +235,11 @@ def _numbered(n_points: int, store: WorkFolder, whole: Whole) -> NDArray[np.int3
 
 
 def _in_axes_of_files(
-    files: Map, whole: Whole, quarter: int, parameters: dict[str, Any], report: dict[str, Any]
+    files: MapFiles, whole: Whole, quarter: int, parameters: dict[str, Any], report: dict[str, Any]
 ) -> PatchesOnDisk:
     joined = whole.joined
     nowhere = np.broadcast_to(np.full((1, 3), np.nan), (files.n_points, 3))
-    cloud = PointCloud(nowhere, files.shift, source=files.name, unit=files.sources[0].unit)
+    cloud = PointCloud(nowhere, files.shift, source=files.path, unit=files.heads[0].unit)
     normal, centroid = turn(joined.normal, -quarter), turn(joined.centroid, -quarter)
     plain = Patches.unlabelled(cloud, np.zeros(0, np.int32), normal, centroid, parameters, report)
     low, high = np.sort([turn(whole.low, -quarter), turn(whole.high, -quarter)], axis=0)

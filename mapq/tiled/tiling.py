@@ -1,7 +1,8 @@
-"""Tiles: rectangles of the ground plan with about as many points each, and the halo around them."""
+"""Tiles: rectangles of the ground plan with about as many points each, the halo around them, and their files."""
 
 from __future__ import annotations
 
+import os
 from typing import NamedTuple
 
 import numpy as np
@@ -21,6 +22,7 @@ FARTHEST = 2.0**30
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+Records = NDArray[np.void]
 
 
 class Counts(NamedTuple):
@@ -115,3 +117,41 @@ def _split(cells: Ints, counts: Ints, box: Floats, n_tiles: int) -> list[Floats]
     return _split(cells[some], counts[some], below, before) + _split(
         cells[~some], counts[~some], beyond, n_tiles - before
     )
+
+
+class WorkFolder(NamedTuple):
+    """Points in files, a record a point: `xyz`, `number` among all points of the map, and fields as float64."""
+
+    folder: str
+    fields: tuple[str, ...]
+
+    @property
+    def record(self) -> np.dtype[np.void]:
+        """The type of a record."""
+        return np.dtype([("xyz", "<f8", 3), ("number", "<i8"), *((name, "<f8") for name in self.fields)])
+
+    def path(self, kind: str, tile: int) -> str:
+        """Return the file of a tile: ``spool``, ``points`` or ``border``."""
+        return os.path.join(self.folder, f"{kind}_{tile:05d}")
+
+    def append(self, tile: int, records: Records) -> None:
+        """Add points to the spool of a tile."""
+        with open(self.path("spool", tile), "ab") as stream:
+            stream.write(records.tobytes())
+
+    def spooled(self, tile: int) -> Records:
+        """Return the points of a tile in the order in which they were read."""
+        path = self.path("spool", tile)
+        if not os.path.exists(path):
+            return np.zeros(0, self.record)
+        return np.memmap(path, self.record, "r")
+
+    def write_points(self, tile: int, records: Records) -> None:
+        """Write the points of a tile, region after region."""
+        with open(self.path("points", tile), "wb") as stream:
+            stream.write(records.tobytes())
+
+    def points(self, slices: Ints) -> list[Records]:
+        """Return points of tiles by slices (s, 4): tile, begin, end, step."""
+        files = {tile: np.memmap(self.path("points", tile), self.record, "r") for tile in set(slices[:, 0].tolist())}
+        return [files[tile][begin:end:step] for tile, begin, end, step in slices.tolist()]

@@ -143,7 +143,7 @@ def test_columns_of_kitti(capsys, tmp_path):
     path = save(tmp_path, "0.bin", np.ones((4, 3), "<f4").tobytes())
     assert "points          4" in run(capsys, path, "--set", "cloud.bin_columns=3")[1]
     assert run(capsys, path, "--set", "cloud.bin_columns=5")[0] == 2
-    assert describe(path, ReadOptions(bin_columns=4)).cloud.n_points == 3
+    assert describe(path, ReadOptions(bin_columns=4))["cloud"]["n_points"] == 3
 
 
 def test_the_spacing_depends_on_the_points_and_not_on_their_order():

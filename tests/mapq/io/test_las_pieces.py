@@ -10,7 +10,7 @@ from mapq.cloud import choose_shift
 from mapq.configuration import AS_IT_IS, ReadOptions
 from mapq.io import read_cloud, write_cloud
 from mapq.io.las import read_las_head, read_las_pieces
-from mapq.io.las_write import open_las_pieces
+from mapq.io.write import open_las_pieces
 from prf.shell.errors import OutputError
 from tests.mapq.io.las_files import las_data
 

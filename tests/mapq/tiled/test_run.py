@@ -11,12 +11,12 @@ import pytest
 from mapq.cloud import PointCloud
 from mapq.configuration import AS_IT_IS, Configuration, SegmentSettings, TileSettings
 from mapq.io import read_cloud, write_cloud
+from mapq.io.tiles import open_map
 from mapq.model import Model
 from mapq.results.result import assess
 from mapq.segmentation import segment
 from mapq.simulate.city import ORIGIN, PITCH, SIDES, make_block, plan_city, write_city
 from mapq.tiled.run import assess_map, classify_map, cut_map
-from mapq.tiled.source import open_map
 from prf.shell.cli.files import work_folder
 
 N_POINTS = 145_000

@@ -13,12 +13,12 @@ from mapq.cloud import PointCloud
 from mapq.configuration import AS_IT_IS, SIZES, Configuration, SimulateSettings, TileSettings
 from mapq.features.disagreement import Known, Span, decide, known_of
 from mapq.io import read_cloud, write_cloud
+from mapq.io.tiles import open_map
 from mapq.model import Model
 from mapq.results.result import Result, assess
 from mapq.segmentation import segment
 from mapq.simulate import simulate
 from mapq.tiled.run import assess_map, classify_map, cut_map
-from mapq.tiled.source import open_map
 from prf.shell.cli.files import work_folder
 
 SEED = 2

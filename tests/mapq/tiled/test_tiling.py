@@ -10,7 +10,7 @@ from mapq.cloud import PointCloud
 from mapq.configuration import SegmentSettings
 from mapq.kernels.planes import MOMENTS
 from mapq.kernels.regions import sum_regions
-from mapq.segmentation.join import Regions, join_regions, translate
+from mapq.segmentation import Regions, join_regions, translate
 from mapq.segmentation.parameters import choose_parameters
 from mapq.segmentation.points import sort_points
 from mapq.tiled import tiling as module

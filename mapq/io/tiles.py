@@ -1,8 +1,9 @@
-"""A result in tiles, as `mapq classify` makes it of a folder: read a piece at a time, as it may not fit into memory."""
+"""The files of a map in tiles, a result in tiles among them: read a piece at a time, as it may not fit into memory."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -11,41 +12,63 @@ from numpy.typing import NDArray
 
 from mapq.cloud import PointCloud, choose_shift
 from mapq.configuration import AS_IT_IS, ReadOptions
-from mapq.io.las import LasHead, read_las_head, read_las_pieces
+from mapq.io.clouds import read_cloud
+from mapq.io.content import Content
+from mapq.io.las import CloudHead, read_las_head, read_las_pieces
 from mapq.io.results import PATCH, RESULT_FIELDS, stated_unit
 from mapq.io.write import LAS_SUFFIXES
 from mapq.labels import NO_PATCH
 from prf.shell.errors import InputError
 
+LAS_MAGIC = b"LASF"
 RESULT_JSON = "result.json"
+"""Name of the file with the patches among the tiles of a result."""
 
 Ints = NDArray[np.int64]
 
 
-class ResultFolder(NamedTuple):
-    """A result in tiles; `shift` (3,) is that of all points, in world coordinates."""
+class MapFiles(NamedTuple):
+    """The files of a map in order, with the shift (3,) of all their points in world coordinates."""
 
     path: str
-    json: Path
-    tiles: tuple[str, ...]
-    heads: tuple[LasHead, ...]
-    shift: NDArray[np.float64]
+    heads: tuple[CloudHead, ...]
     options: ReadOptions
+    shift: NDArray[np.float64]
+
+    @property
+    def json(self) -> Path:
+        """The file with the patches, of a result."""
+        return Path(self.path, RESULT_JSON)
 
     @property
     def n_points(self) -> int:
-        """Points of all tiles."""
+        """Points of all files."""
         return sum(head.n_points for head in self.heads)
 
     @property
     def fields(self) -> tuple[str, ...]:
-        """Fields that every tile has."""
+        """Fields that all files have."""
         return tuple(name for name in self.heads[0].fields if all(name in head.fields for head in self.heads))
 
-    def pieces(self, names: tuple[str, ...]) -> Iterator[PointCloud]:
-        """Yield the points of all tiles, tile after tile in pieces, with some of the fields."""
-        for path in self.tiles:
-            yield from read_las_pieces(path, self.options, self.shift, names)
+    def pieces(self, names: tuple[str, ...] | None = None) -> Iterator[tuple[int, PointCloud]]:
+        """Yield the points in order, with the number of their file; with some of the fields (None: all).
+
+        LAS is read in pieces, other formats whole.
+        """
+        for number, head in enumerate(self.heads):
+            if head.las_header:
+                for piece in read_las_pieces(head.path, self.options, self.shift, names):
+                    yield number, piece
+                continue
+            cloud = read_cloud(head.path, self.options)
+            xyz = (cloud.world() - self.shift) * cloud.unit
+            fields = {name: values for name, values in cloud.fields.items() if names is None or name in names}
+            yield number, replace(cloud, xyz=xyz, shift=self.shift, fields=fields)
+
+
+def is_tiled(path: str) -> bool:
+    """Return whether a path is a folder of LAS or LAZ files."""
+    return Path(path).is_dir() and bool(_tiles_in(path))
 
 
 def is_result_folder(path: str) -> bool:
@@ -53,38 +76,67 @@ def is_result_folder(path: str) -> bool:
     return Path(path, RESULT_JSON).is_file()
 
 
-def open_result_folder(path: str, options: ReadOptions = AS_IT_IS) -> ResultFolder:
+def open_map(path: str, options: ReadOptions) -> MapFiles:
+    """Return a map: the LAS and LAZ files of a folder by name, or one file of any format.
+
+    Raises InputError if a file cannot be read, or they have different units.
+    """
+    heads = tuple(_look_at(each, options) for each in (_tiles_in(path) if is_tiled(path) else [path]))
+    for other in heads[1:]:
+        if not np.array_equal(other.unit, heads[0].unit):
+            raise InputError(f"{other.path}: its unit is not that of {heads[0].path}. Give it with --unit.")
+    return _together(path, heads, options)
+
+
+def open_result_folder(path: str, options: ReadOptions = AS_IT_IS) -> MapFiles:
     """Return a result in tiles, of which only the heads are read, in the unit in which it was classified."""
-    tiles = tuple(str(each) for each in sorted(Path(path).iterdir()) if each.suffix.lower() in LAS_SUFFIXES)
+    tiles = _tiles_in(path)
     if not tiles:
         raise InputError(f"{path}: no LAS or LAZ tile beside {RESULT_JSON}. Run mapq classify again.")
     unit = stated_unit(Path(path, RESULT_JSON)) if options.unit is None else None
     if unit is not None and (unit == unit[0]).all():  # else it is that of the tiles' own reference system
         options = options.replace(unit=float(unit[0]))
     heads = tuple(read_las_head(tile, options) for tile in tiles)
-    for tile, head in zip(tiles, heads, strict=True):
+    for head in heads:
         missing = [name for name in RESULT_FIELDS if name not in head.fields]
         if missing:
             raise InputError(
-                f"{tile}: expected a tile of a result, with the field {missing[0]}. Run mapq classify again."
+                f"{head.path}: expected a tile of a result, with the field {missing[0]}. Run mapq classify again."
             )
         if not np.array_equal(head.unit, heads[0].unit):
-            raise InputError(f"{tile}: its unit differs from that of {tiles[0]}. Classify them with --unit.")
+            raise InputError(f"{head.path}: its unit differs from that of {tiles[0]}. Classify them with --unit.")
+    return _together(path, heads, options)
+
+
+def _tiles_in(folder: str) -> list[str]:
+    """Return the LAS and LAZ files of a folder, by name."""
+    return [str(each) for each in sorted(Path(folder).iterdir()) if each.suffix.lower() in LAS_SUFFIXES]
+
+
+def _look_at(path: str, options: ReadOptions) -> CloudHead:
+    if Content(path).head.startswith(LAS_MAGIC):
+        return read_las_head(path, options)
+    cloud = read_cloud(path, options)
+    world = cloud.world()[cloud.finite()]
+    return CloudHead(path, len(cloud), world.min(axis=0), world.max(axis=0), cloud.unit, tuple(cloud.fields))
+
+
+def _together(path: str, heads: tuple[CloudHead, ...], options: ReadOptions) -> MapFiles:
     box = np.array([np.min([head.low for head in heads], axis=0), np.max([head.high for head in heads], axis=0)])
-    return ResultFolder(path, Path(path, RESULT_JSON), tiles, heads, choose_shift(box), options)
+    return MapFiles(path, heads, options, choose_shift(box))
 
 
-def thinned(folder: ResultFolder, names: tuple[str, ...], n_most: int) -> PointCloud:
+def thinned(folder: MapFiles, names: tuple[str, ...], n_most: int) -> PointCloud:
     """Return at most `n_most` of the points as one cloud: every n-th of each piece."""
     step = max(1, -(-folder.n_points // n_most))
     begin, parts = 0, []
-    for piece in folder.pieces(names):
+    for _, piece in folder.pieces(names):
         parts.append(piece.take(np.arange(-begin % step, len(piece), step)))
         begin += len(piece)
     return _joined(parts)
 
 
-def thinned_by_patch(folder: ResultFolder, n_points: Ints, n_most: int) -> PointCloud:
+def thinned_by_patch(folder: MapFiles, n_points: Ints, n_most: int) -> PointCloud:
     """Return about `n_most` of the points as one cloud, with the fields of a result; of small patches all of them.
 
     `n_points` (m,) is that of each patch.
@@ -94,7 +146,7 @@ def thinned_by_patch(folder: ResultFolder, n_points: Ints, n_most: int) -> Point
     step = np.append(steps_of(n_points, n_most - share), max(1, -(-n_loose // max(share, 1))))
     n_before = np.zeros(len(step), np.int64)
     parts = []
-    for piece in folder.pieces(RESULT_FIELDS):
+    for _, piece in folder.pieces(RESULT_FIELDS):
         patch = np.asarray(piece.fields[PATCH]).astype(np.int64)
         patch = np.where((patch < 0) | (patch >= len(n_points)), NO_PATCH, patch) % len(step)
         order = np.argsort(patch, kind="stable")
