@@ -15,7 +15,7 @@ from mapq.io import read_patches
 from prf.output.run import read_run
 from prf.results.occupancy import read_grid
 from tests.cli.calls import mapq, prf
-from tests.cli.mapq_samples import call, call_json, save_cloud, save_model, save_patches
+from tests.cli.mapq_samples import call_json, save_cloud
 
 QUICK = ("--chains", "1", "--steps", "100", "-q", "--seed", "1")
 
@@ -93,38 +93,6 @@ def test_grid_and_anneal_take_presets_too(ring: Path, tmp_path: Path, monkeypatc
     found = json.loads(Path("m.geojson").read_text())["properties"]
     assert found["configuration"]["noise"] == 0.02
     assert found["sources"]["noise"] == "preset hokuyo-urg-04lx: [laser] noise"
-
-
-def test_a_parameter_of_the_file_changes_the_likelihood(ring: Path, site: Path, tmp_path: Path) -> None:
-    values = []
-    for oblique in (8, 16):
-        site.write_text(f"[prior]\nwindow = [0, 0, 10, 10]\n[sonar]\nsurface_oblique = {oblique}\n")
-        args = ("--sonar", ring, "--config", site, "--chains", 1, "--steps", 4000, "-q", "--seed", 1)
-        assert prf("sample", *args, "-o", tmp_path / f"run{oblique}") == 0
-        values.append(read_run(tmp_path / f"run{oblique}").functionals["log_likelihood"].tolist())
-    assert values[0] != values[1]
-
-
-def test_a_grid_takes_what_it_knows(ring: Path, site: Path, tmp_path: Path) -> None:
-    grid = tmp_path / "ring.grid.npz"
-    assert prf("grid", "--sonar", ring, "--config", site, "--set", "sonar.max_range=3.0", "-o", grid, "-q") == 0
-    settings = read_grid(grid).settings
-    assert (settings["sonar_cone"], settings["sonar_max_range"], settings["window"]) == (0.5, 3.0, [0, 0, 10, 10])
-    assert settings["miss_probability"] == 0.4, "of a cell; that of the file is the laser's"
-
-
-def test_the_cone_of_the_option_reaches_the_readings_of_a_grid(ring: Path, tmp_path: Path) -> None:
-    seen = []
-    for cone in (0.1, 1.0):
-        assert prf("grid", "--sonar", ring, "--set", f"sonar.cone={cone}", "-o", tmp_path / f"{cone}.npz", "-q") == 0
-        seen.append(read_grid(tmp_path / f"{cone}.npz").share_seen)
-    assert seen[0] < seen[1]
-
-
-def test_anneal_takes_the_file(ring: Path, site: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    assert prf("anneal", "--sonar", ring, "--config", site, *QUICK) == 0
-    assert json.loads((tmp_path / "ring.geojson").read_text())["properties"]["window"] == [0, 0, 10, 10]
 
 
 # `prf config` and `mapq config`, and --config, --preset and --set of mapq's verbs.
@@ -208,36 +176,6 @@ def test_segment_takes_options_over_the_file_over_the_preset(capsys, tmp_path, c
     assert call_json(capsys, *args)["parameters"]["max_gap"] == 0.5
 
 
-def test_classify_takes_segmentation_and_false_alarms(capsys, tmp_path, config_site):
-    cloud, model, target = save_cloud(tmp_path), save_model(tmp_path), tmp_path / "r.ply"
-    config_site.write_text("[segment]\nmax_tilt = 80\nmin_points = 30\n")
-    made = call_json(
-        capsys, "classify", cloud, "--model", model, "--config", config_site, "--max-tilt", 60, "-o", target
-    )
-    sources = {"max_tilt": "--max-tilt", "min_points": f"{config_site}: [segment] min_points"}
-    assert made["segmentation"]["report"]["sources"] == sources
-    # A file may have settings of the segmentation beside patches, an option may not.
-    patches = save_patches(tmp_path)
-    assert call(capsys, "classify", patches, "--model", model, "--config", config_site, "-o", target, "-f")[0] == 0
-    code, _, err = call(capsys, "classify", patches, "--model", model, "--max-tilt", 60, "-o", target, "-f")
-    assert (code, "segmented already" in err) == (2, True)
-
-
-def test_train_takes_features_and_field(capsys, tmp_path, config_site):
-    patches, target = save_patches(tmp_path), tmp_path / "m.json"
-    made = call_json(capsys, "train", patches, "--config", config_site, "--set", "features.radius=2", "-o", target)
-    assert (made["features"]["radius"], made["features"]["tolerance"]) == (2.0, 0.1)
-    assert made["training"]["regularisation"] == 3.0
-    sources = made["training"]["sources"]
-    assert sources["features"]["radius"] == "--set features.radius"
-    assert sources["crf"]["regularisation"] == f"{config_site}: [crf] regularisation"
-
-
-def test_features_take_the_file(capsys, tmp_path, config_site):
-    used = call_json(capsys, "features", save_patches(tmp_path), "--config", config_site)["parameters"]
-    assert (used["radius"], used["tolerance"]) == (2.5, 0.1)
-
-
 @pytest.mark.parametrize(("verb", "table"), [("segment", "segment"), ("features", "features"), ("train", "crf")])
 def test_defaults_that_the_help_shows_are_those_of_the_library(verb, table):
     """And no option has another: a file could not set what an option always sets."""
@@ -250,15 +188,3 @@ def test_defaults_that_the_help_shows_are_those_of_the_library(verb, table):
             numbers = value if isinstance(value, tuple) else (value,)
             words = " ".join(f"{number:g}" if not isinstance(number, str) else number for number in numbers)
             assert bracket[1] == words, key
-
-
-@pytest.mark.parametrize("verb", ["segment", "features", "train", "classify"])
-def test_a_bad_file_ends_in_one_line_before_any_work(capsys, tmp_path, verb, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "bad.toml").write_text("[segment]\nnoise = 0.1\nnose = 1\n")
-    file = save_cloud(tmp_path) if verb == "segment" else save_patches(tmp_path)
-    before = sorted(tmp_path.iterdir())
-    code, out, err = call(capsys, verb, file, "--config", "bad.toml")
-    assert (code, out) == (2, "")
-    assert err == "error: bad.toml: [segment] nose: unknown key. Did you mean noise?\n"
-    assert sorted(tmp_path.iterdir()) == before

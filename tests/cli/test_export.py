@@ -18,7 +18,6 @@ from prf.output.export import FORMATS
 from prf.output.run import read_run
 from prf.poses.plane import wrapped
 from prf.results import read_map_feature, write_run
-from prf.results.occupancy import OccupancyGrid, write_grid
 from prf.shell.poses.files import read_pose_file
 from tests.cli.calls import prf
 from tests.factories import make_run, make_trajectory
@@ -144,14 +143,6 @@ def test_polygons_of_another_program(data_dir: Path, here: Path, capsys: pytest.
     assert coloring.window == pytest.approx(shapely.box(*drawn.bounds).buffer(1.0, join_style="mitre").bounds)
     for format in FORMATS[1:4]:
         assert prf("export", plan, "--format", format) == 0
-
-
-def test_a_grid_is_a_ros_map_only(here: Path, capsys: pytest.CaptureFixture) -> None:
-    cells = np.zeros((3, 4), np.int32)
-    write_grid("room.grid.npz", OccupancyGrid(np.full((3, 4), 0.5, np.float32), cells, cells, np.zeros(2), 0.1))
-    assert prf("export", "room.grid.npz", "--format", "ros-map", "--json") == 0
-    answer = json.loads(capsys.readouterr().out)
-    assert (answer["n_unknown"], [file["path"] for file in answer["files"]]) == (12, ["room.yaml", "room.pgm"])
 
 
 @pytest.mark.parametrize(("format", "module"), [("dxf", "ezdxf"), ("netcdf", "xarray"), ("netcdf", "h5netcdf")])

@@ -122,14 +122,6 @@ def test_the_table_is_short_and_complete_under_v(capsys, tmp_path):
     assert [line.split()[0] for line in short[-3:]] == ["judged", "verdict", "result"], "the answer is last"
 
 
-def test_warnings_of_the_segmentation_are_shown(capsys, tmp_path):
-    path = tmp_path / "noise.npy"
-    np.save(path, np.random.default_rng(1).normal(size=(2000, 3)))
-    code, _, err = call(capsys, "classify", path, "--model", save_model(tmp_path), "-o", tmp_path / "r.ply")
-    assert code == 0
-    assert "no patches:" in err
-
-
 def test_causes_are_named_where_the_map_has_times(capsys, tmp_path):
     patches = draw_patches(1)
     scan = np.where(patches.patch < 0, 0, patches.patch % 2)

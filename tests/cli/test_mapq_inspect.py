@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from mapq.cloud import PointCloud
-from mapq.configuration import ReadOptions
 from mapq.io import write_patches, write_ply
-from mapq.io.describe import describe, median_spacing
+from mapq.io.describe import median_spacing
 from tests.cli.mapq_samples import call
 from tests.mapq.io.samples import patches, save
 
@@ -85,17 +84,6 @@ def test_patches(capsys, tmp_path):
     assert result["content"]["parameters"] == before.parameters
 
 
-def test_patches_hold_their_unit(capsys, tmp_path):
-    path = tmp_path / "a.patches"
-    write_patches(path, patches())
-    for verb in ("inspect", "render"):
-        code, out, err = call(capsys, verb, path, "--unit", "mm")
-        assert (code, out) == (2, "")
-        assert "holds its unit" in err
-        code, _, err = call(capsys, verb, path, "--set", "cloud.topic=a")
-        assert (code, "Leave out cloud.topic" in err) == (2, True)
-
-
 def result_file(tmp_path) -> str:
     fields = {
         "patch": np.array([0, 0, 0, 1, 1, -1], np.int32),
@@ -137,13 +125,6 @@ def test_a_model(capsys, tmp_path):
     result = json.loads(run(capsys, path, "--json")[1])
     assert (result["kind"], result["cloud"]) == ("model", None)
     assert result["content"]["weights"]["w"] == [0.5, -1.5]
-
-
-def test_columns_of_kitti(capsys, tmp_path):
-    path = save(tmp_path, "0.bin", np.ones((4, 3), "<f4").tobytes())
-    assert "points          4" in run(capsys, path, "--set", "cloud.bin_columns=3")[1]
-    assert run(capsys, path, "--set", "cloud.bin_columns=5")[0] == 2
-    assert describe(path, ReadOptions(bin_columns=4))["cloud"]["n_points"] == 3
 
 
 def test_the_spacing_depends_on_the_points_and_not_on_their_order():

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mapq.io import read_cloud, read_patches, write_patches, write_ply
+from mapq.io import read_cloud, write_patches, write_ply
 from mapq.report.drawing import read_picture
 from tests.cli.mapq_samples import call, call_json, save_model, save_patches
 from tests.mapq.factories import sample_patches, wall
@@ -77,12 +77,6 @@ def test_a_result_in_its_words(capsys, result, tmp_path):
     assert (code, out) == (0, "")
     assert (tmp_path / "r.png").read_bytes().startswith(b"\x89PNG")
     assert read_picture(str(result)).subtitle.endswith("32 patches  ·  16 suspicious")
-
-
-def test_a_part_of_a_result_counts_the_patches_in_it(result):
-    cloud = read_cloud(str(result))
-    write_ply(result, cloud.take(np.flatnonzero(cloud.fields["patch"] == 31)))
-    assert "1 patches" in read_picture(str(result)).subtitle
 
 
 def test_a_cloud_with_labels_of_points_is_drawn_by_these(result):
@@ -175,22 +169,3 @@ def test_maps_that_share_little_are_doubted(capsys, files, tmp_path):
     code, _, err = call(capsys, "compare", first, second, "--model", model)
     assert code == 0
     assert "are both in one frame?" in err
-
-
-def test_a_result_without_its_json_is_named(capsys, files, tmp_path):
-    clean, _, model = files
-    result = tmp_path / "a.ply"
-    assert call(capsys, "classify", clean, "--model", model, "-o", result)[0] == 0
-    result.with_suffix(".json").unlink()
-    code, _, err = call(capsys, "compare", result, result)
-    assert (code, err.count("\n")) == (3, 1)
-    assert "the JSON of this result is not beside it" in err
-
-
-def test_columns_of_kitti_are_for_the_cloud_alone(capsys, files, tmp_path):
-    clean, _, model = files
-    scan = tmp_path / "scan.bin"
-    scan.write_bytes(read_patches(clean).cloud.world().astype("<f4").tobytes())
-    args = ("compare", clean, scan, "--model", model)
-    assert call(capsys, *args, "--set", "cloud.bin_columns=3")[0] == 0
-    assert call(capsys, *args, "--set", "cloud.bin_columns=5")[0] == 2

@@ -10,14 +10,13 @@ import numpy as np
 import pytest
 
 from mapq.cloud import PointCloud
-from mapq.configuration import FeatureSettings
 from mapq.features import patch_features
 from mapq.features.shape import SHAPE_NAMES
 from mapq.io import read_cloud, read_patches, write_cloud, write_patches, write_ply
 from mapq.labelling.store import open_store
 from prf.shell.cli.outputs import release_claims
 from tests.cli.mapq_samples import call, call_json, save_model
-from tests.mapq.factories import make_patches, sample_patches, wall
+from tests.mapq.factories import sample_patches, wall
 from tests.mapq.labelled import draw_patches
 from tests.reference.mapq_segment import cloud_of, ground
 from tests.reference.mapq_segment import wall as noisy_wall
@@ -155,46 +154,6 @@ def test_table_for_a_person(capsys, path):
     assert len(run_features(capsys, path, "-v")[1].splitlines()) > 20
 
 
-def test_flags_reach_the_features(capsys, path):
-    values = ("radius=2", "tau=0.5", "neighbours=1", "noise=0.05", "watched=2", "tolerance=0.3")
-    args = [word for value in values for word in ("--set", f"features.{value}")]
-    used = json.loads(run_features(capsys, path, "--json", *args)[1])["parameters"]
-    assert (used["n_watched"], used["tolerance"]) == (2, 0.3)
-    assert (used["radius"], used["tau"], used["n_neighbours"], used["noise"]) == (2.0, 0.5, 1, 0.05)
-
-
-def test_context_is_chosen_by_group(capsys, path):
-    for args, expected in (
-        ((), list(FeatureSettings().context)),
-        (("--set", "features.context=[]"), []),
-        (("--set", "features.context=['outlines', 'rays']"), ["outlines", "rays"]),
-    ):
-        found = json.loads(run_features(capsys, path, "--json", *args)[1])
-        assert found["parameters"]["context"] == expected
-        assert ("partly_covered" in found["edges"][0]) == ("outlines" in expected)
-        assert set(found["units"]["edges"]) == set(found["edges"][0])
-    code, _, err = run_features(capsys, path, "--set", "features.context=['colour']")
-    assert code == 2
-    assert "features.context" in err
-
-
-def test_a_map_without_patches(capsys, tmp_path):
-    write_patches(tmp_path / "none.patches", make_patches([], [], loose=4))
-    path = str(tmp_path / "none.patches")
-    assert "patches         0" in run_features(capsys, path)[1]
-    assert json.loads(run_features(capsys, path, "--json")[1])["edges"] == []
-    assert len(run_features(capsys, path, "--csv")[1].splitlines()) == 3
-
-
-def test_the_literal_reading_reports_what_it_cut(capsys, path):
-    code, out, err = run_features(capsys, path, "--set", "features.reading=literal", "--json")
-    result = json.loads(out)
-    assert code == 0
-    assert result["n_clipped"] > 0
-    assert f"{result['n_clipped']} values" in err
-    assert "inverse_mse" in result["nodes"][0]
-
-
 # LAZ in, LAZ out, through every verb that meets a cloud.
 
 
@@ -268,14 +227,3 @@ def test_places_are_in_the_unit_of_the_file_and_sizes_in_metres(capsys, folder, 
     for region in content["regions"]:
         assert (low <= region["low"]).all()
         assert (high >= region["high"]).all()
-
-
-def test_the_unit_is_an_option(capsys, survey):
-    plain, feet = call_json(capsys, "inspect", survey), call_json(capsys, "inspect", survey, "--unit", "ft")
-    assert feet["cloud"]["spacing"] == pytest.approx(0.3048 * plain["cloud"]["spacing"], rel=0.05)
-    assert feet["cloud"]["low"] == plain["cloud"]["low"]
-    assert feet["cloud"]["unit"] == [0.3048] * 3
-    assert "unit" in call(capsys, "inspect", survey, "--unit", "ft")[1]
-    code, _, err = call(capsys, "inspect", survey, "--unit", "yard")
-    assert (code, err.count("\n")) == (2, 1)
-    assert "must be one of m, cm" in err

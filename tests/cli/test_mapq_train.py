@@ -53,32 +53,6 @@ def test_options_reach_the_model(capsys, tmp_path):
     assert stored == result
 
 
-@pytest.mark.parametrize("edge_model", ["symmetric", "none"])
-def test_every_edge_model_trains(capsys, tmp_path, edge_model):
-    target = tmp_path / "m.json"
-    assert call(capsys, "train", save_patches(tmp_path), "-o", target, "--set", f"crf.edge_model={edge_model}")[0] == 0
-    assert read_model(target).edge_model == edge_model
-
-
-def test_the_table_is_short(capsys, tmp_path):
-    out = call(capsys, "train", save_patches(tmp_path), "-o", tmp_path / "m.json")[1]
-    assert len(out.splitlines()) <= 15
-    assert "node.bias" in out
-    assert "--max-false-alarms" not in out
-
-
-def test_labels_of_one_kind_are_refused(capsys, tmp_path):
-    path = save_patches(tmp_path)
-    from mapq.io import read_patches, write_patches
-
-    patches = read_patches(path)
-    patches.label[:] = 0
-    write_patches(path, patches)
-    code, _, err = call(capsys, "train", path, "-o", tmp_path / "m.json")
-    assert (code, err.count("\n")) == (3, 1)
-    assert "all 32 labelled patches are plausible" in err
-
-
 def test_the_operating_point_is_stored_and_can_be_chosen_later(capsys, tmp_path):
     target, careful = tmp_path / "m.json", tmp_path / "careful.json"
     paths = [save_patches(tmp_path, seed) for seed in (1, 2)]

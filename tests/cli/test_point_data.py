@@ -87,17 +87,6 @@ def test_resuming_gives_what_an_uninterrupted_run_gives(bits_run: Path, files: d
         assert (tmp_path / "bits" / name).read_bytes() == (bits_run / name).read_bytes(), name
 
 
-def test_resuming_refuses_other_points_and_another_model(
-    bits_run: Path, files: dict[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert prf("sample", "--resume", str(bits_run), "--point-data", files["grey"], "-q") == 3
-    assert "not the log that the run was made from. Leave --point-data out" in capsys.readouterr().err
-    settings = tmp_path / "other.toml"
-    settings.write_text("[points]\nflip_probability = 0.2\n")
-    assert prf("sample", "--resume", str(bits_run), "--config", str(settings), "-q") == 2
-    assert "[points] flip_probability 0.2: the run to resume has 0.1" in capsys.readouterr().err
-
-
 def test_laser_and_points_in_one_posterior(files: dict[str, str], tmp_path: Path) -> None:
     folder = tmp_path / "both"
     window = ("--window", "0", "0", "10", "5")
@@ -110,16 +99,6 @@ def test_laser_and_points_in_one_posterior(files: dict[str, str], tmp_path: Path
     assert [used["path"] for used in run.manifest["inputs"]] == [files["laser"], files["grey"]]
     alone = read_prepared(files["laser"], Configuration.of(), None, None).config.prior.window
     assert read_prepared(files["laser"], Configuration.of(), None, files["grey"]).config.prior.window == alone
-
-
-def test_settings_reach_the_model(files: dict[str, str], tmp_path: Path) -> None:
-    settings, folder = tmp_path / "points.toml", tmp_path / "run"
-    settings.write_text('[points]\nkind = "gaussian"\nmean_black = 2\nmean_white = -1\nsigma = 0.75\n')
-    args = ("--point-data", files["bits"], "--config", str(settings), *QUICK, "--steps", "2000", "--seed", "1")
-    assert prf("sample", *args, "-o", str(folder)) == 0
-    stored = read_run(folder).manifest["configuration"]
-    model = {name: stored[f"points_{name}"] for name in ("kind", "mean_black", "mean_white", "sigma")}
-    assert model == {"kind": "gaussian", "mean_black": 2.0, "mean_white": -1.0, "sigma": 0.75}
 
 
 def test_anneal_finds_the_square(files: dict[str, str], tmp_path: Path) -> None:
@@ -162,21 +141,6 @@ def log(data_dir: Path) -> Path:
     return data_dir / "demo-office.log.gz"
 
 
-def test_a_log_as_sparse_as_the_office_is_used_whole(
-    log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    for name, flags in (("default", ()), ("exact", EXACT)):
-        assert (
-            prf("sample", "--laser", log, *THINNING_QUICK, *flags, "--steps", 10, "-o", tmp_path / name, "--json") == 0
-        )
-        found = json.loads(capsys.readouterr().out)
-        assert (found["n_beams"], found["n_beams_thinned"]) == (ALL, 0)
-    default, exact = (read_run(tmp_path / name) for name in ("default", "exact"))
-    assert default.manifest["configuration"]["beam_density"] > 0.0
-    assert exact.manifest["configuration"]["beam_density"] == 0.0
-    assert (tmp_path / "default" / "draws.npz").read_bytes() == (tmp_path / "exact" / "draws.npz").read_bytes()
-
-
 def test_what_was_left_out_is_reported_and_recorded(
     log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -207,45 +171,6 @@ def test_resuming_repeats_a_thinned_run(log: Path, tmp_path: Path, capsys: pytes
         assert (whole / name).read_bytes() == (halved / name).read_bytes(), name
     assert prf("sample", "--resume", halved, *EXACT, "--steps", 40_000) == 2
     assert "the run to resume has 4.0" in capsys.readouterr().err
-
-
-def test_a_settings_file_can_set_it_and_options_win(
-    log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (tmp_path / "site.toml").write_text("[thinning]\nbeam_density = 4\n")
-    common = ("sample", "--laser", log, *THINNING_QUICK, "--config", tmp_path / "site.toml", "--steps", 10, "--json")
-    assert prf(*common, "-o", tmp_path / "a") == 0
-    assert json.loads(capsys.readouterr().out)["n_beams_thinned"] > 0
-    assert prf(*common, "-o", tmp_path / "b", *EXACT) == 0
-    assert json.loads(capsys.readouterr().out)["n_beams_thinned"] == 0
-
-
-def test_annealing_thins_too(log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    target = tmp_path / "best.geojson"
-    common = ("anneal", "--laser", log, "--chains", 1, "--seed", 1, "--steps", 10, "-o", target, "--json")
-    assert prf(*common, *DENSITY) == 0
-    captured = capsys.readouterr()
-    found, made = json.loads(captured.out), json.loads(target.read_text())["properties"]
-    assert found["n_beams"] + found["n_beams_thinned"] == ALL
-    assert (made["n_beams"], made["n_beams_thinned"]) == (found["n_beams"], found["n_beams_thinned"])
-    assert "of 5,580 beams (thinned)" in captured.err
-    (reason,) = (line for line in captured.err.splitlines() if line.startswith("thinned to about "))
-    assert "--set thinning.beam_density=0 keeps all" in reason
-    assert prf(*common, *EXACT, "--force") == 0
-    assert json.loads(capsys.readouterr().out)["n_beams"] == ALL
-
-
-def test_a_dense_public_log_keeps_the_density(shared_data: Path) -> None:
-    from prf.configuration import Configuration
-    from prf.readings import read_readings
-    from prf.sampler.prepare import prepare
-
-    readings = read_readings(str(shared_data / "prf" / "carmen" / "intel-corrected.log.gz"))
-    prepared = prepare(Configuration.of(max_range=40.0, beam_density=20.0), readings)
-    assert prepared.target.laser is not None
-    assert len(prepared.target.laser.readings.range) + prepared.n_beams_thinned == readings.n_beams
-    assert 18_000 < len(prepared.target.laser.readings.range) < 22_000
-    assert np.isin(prepared.target.laser.readings.scan, readings.scan).all()
 
 
 # One command makes a useful picture, also of a log whose poses are odometry or in a file.

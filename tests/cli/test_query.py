@@ -8,12 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from prf.model.coloring import Draws
-from prf.output.run import Run, read_run
+from prf.output.run import read_run
 from prf.results import write_run
 from prf.results.estimate import occupied_probability
 from tests.cli.calls import prf
-from tests.factories import WINDOW, make_run
+from tests.factories import make_run
 
 
 @pytest.fixture(scope="module")
@@ -97,26 +96,9 @@ def test_few_effective_draws_are_warned_of(folder: Path, tmp_path: Path, capsys:
     assert capsys.readouterr().err == ""
 
 
-def test_few_draws_have_no_error_estimate(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
-    write_run(tmp_path / "run", make_run(n_draws=12))
-    (tmp_path / "points.csv").write_text("1,2\n")
-    assert prf("query", tmp_path / "run", "--points", tmp_path / "points.csv") == 0
-    shown = capsys.readouterr()
-    assert rows(shown.out)[0, 3:5].tolist() == [0.0, 1.0]
-    assert "fewer than 8 draws a chain" in shown.err
-
-
 def test_a_path_that_leaves_the_window_is_reported(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     (tmp_path / "path.csv").write_text("x,y\n1,2\n999,2\n")
     assert prf("query", folder, "--path", tmp_path / "path.csv", "--radius", 0.1, "--json") == 0
     shown = capsys.readouterr()
     assert json.loads(shown.out)["p_free"] is None
     assert "leaves the window" in shown.err
-
-
-def test_a_run_without_draws(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
-    empty = Run({}, Draws.from_colorings([], WINDOW), np.empty(0, np.int32), np.empty(0, np.int64), {})
-    write_run(tmp_path / "run", empty)
-    (tmp_path / "points.csv").write_text("x,y\n1,2\n")
-    assert prf("query", tmp_path / "run", "--points", tmp_path / "points.csv") == 3
-    assert "no draws yet" in capsys.readouterr().err

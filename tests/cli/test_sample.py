@@ -73,14 +73,6 @@ def test_uncertain_poses_are_sampled_and_reported(
     assert json.loads(capsys.readouterr().out)["trajectory"] == pytest.approx(found.trajectory.figures())
 
 
-def test_functionals_are_those_of_the_draws(office: Path) -> None:
-    found = read_run(office)
-    np.testing.assert_array_equal(found.functionals["n_edges"], found.draws.n_edges)
-    np.testing.assert_allclose(found.functionals["total_length"], found.draws.total_length(), rtol=1e-9)
-    total = found.functionals["log_prior"] + found.functionals["log_likelihood"]
-    np.testing.assert_allclose(found.functionals["log_posterior"], total, rtol=1e-12)
-
-
 def test_resuming_gives_what_an_uninterrupted_run_gives(log: Path, office: Path, tmp_path: Path) -> None:
     folder = tmp_path / "office"
     args = ("--laser", str(log), *QUICK, "--seed", "5", "-o", str(folder), "-q", "--threads", "1")
@@ -165,29 +157,6 @@ def test_chains_that_disagree_get_a_ladder_and_report_it(
     assert [chain["first_step"] for chain in found.diagnostics["tempering"]] == [40_000, 40_000]
     assert prf("sample", "--resume", str(whole), "--set", "sampler.temperatures=4") == 2
     assert "the run to resume has auto" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(("start", "temperatures"), [("prior", "1"), ("empty", "2")])
-def test_where_chains_start_is_kept_with_the_run(log: Path, tmp_path: Path, start: str, temperatures: str) -> None:
-    args = ("--laser", str(log), "--every-scan", "30", "--every-beam", "30", "--chains", "1", "--resolution", "1")
-    folder = tmp_path / "run"
-    assert (
-        prf(
-            "sample",
-            *args,
-            "--set",
-            f"sampler.start={start}",
-            "--set",
-            f"sampler.temperatures={temperatures}",
-            "--steps",
-            "10",
-            "-o",
-            str(folder),
-            "-q",
-        )
-        == 0
-    )
-    assert read_run(folder).manifest["configuration"]["start"] == start
 
 
 def test_nothing_is_left_to_do_for_a_run_that_has_its_steps(office: Path, capsys: pytest.CaptureFixture[str]) -> None:

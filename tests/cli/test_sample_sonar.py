@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from prf.configuration import Configuration
 from prf.kernels import constants as c
 from prf.model.window import Window
 from prf.output.run import read_run
 from prf.readings import Readings
 from prf.readings.table import write_table
-from prf.sampler.prepare import read_prepared
 from tests.cli.calls import prf
 from tests.reference.beams import Sensor
 from tests.reference.slow_sonar import Ring
@@ -80,17 +77,6 @@ def test_resuming_with_sonar_gives_what_an_uninterrupted_run_gives(
         assert (folder / name).read_bytes() == (both / name).read_bytes(), name
 
 
-def test_resuming_with_another_sonar_is_refused(
-    both: Path, logs: tuple[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    other = tmp_path / "other.csv"
-    other.write_text("x,y,theta,range\n5,5,0,1\n")
-    assert prf("sample", "--resume", str(both), "--sonar", str(other)) == 3
-    assert "Leave --sonar out" in capsys.readouterr().err
-    assert prf("sample", "--resume", str(both), "--sonar-max-range", "3") == 2
-    assert "--sonar-max-range 3.0: the run to resume has 3.5" in capsys.readouterr().err
-
-
 def test_sonar_alone(logs: tuple[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = tmp_path / "ring"
     args = ("--scale", "0.3", "--chains", "2", "--resolution", "0.5", "--sonar-max-range", "3", "--every-scan", "2")
@@ -111,26 +97,6 @@ def test_sonar_alone(logs: tuple[str, str], tmp_path: Path, capsys: pytest.Captu
     assert "sonar readings, " in capsys.readouterr().out
     for what in ("posterior", "beams", "best"):
         assert prf("render", str(folder), "--what", what, "-o", str(tmp_path / f"{what}.png"), "-q") == 0
-
-
-def test_the_cone_of_the_log_overrides_the_option(tmp_path: Path) -> None:
-    table = tmp_path / "ring.csv"
-    table.write_text("x,y,theta,range\n5,5,0,1\n5,5,1,2\n")
-    prepared = read_prepared(None, Configuration.of(sonar_cone=0.2), str(table))
-    assert prepared.target.sonar is not None
-    assert prepared.target.sonar.readings.cone.tolist() == [0.2, 0.2]
-    table.write_text("x,y,theta,range,cone\n5,5,0,1,0.5\n5,5,1,2,0.6\n")
-    prepared = read_prepared(None, Configuration.of(sonar_cone=0.2), str(table))
-    assert prepared.target.sonar is not None
-    assert prepared.target.sonar.readings.cone.tolist() == [0.5, 0.6]
-
-
-def test_json_describes_a_run_with_sonar(both: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert prf("sample", "--resume", str(both), "--steps", "1000", "--json") == 0
-    assert json.loads(capsys.readouterr().out)["steps"] == 60_000
-    assert prf("inspect", str(both), "--json") == 0
-    files = {file["name"]: file for file in json.loads(capsys.readouterr().out)["files"]}
-    assert f"{N_CONES} sonar readings" in files["readings.npz"]["summary"]
 
 
 def test_a_restored_chain_has_room_for_what_its_cones_see(both: Path) -> None:

@@ -96,18 +96,6 @@ def test_held_out_scans_of_the_log_that_a_grid_was_made_from(
     assert result["beam_nll"] < 3.0
 
 
-@pytest.mark.parametrize(("name", "kind"), [("run", "run"), ("map.geojson", "map")])
-def test_sonar_alone(folder: Path, ring: Path, capsys: pytest.CaptureFixture, name: str, kind: str) -> None:
-    assert prf("score", folder / name, "--sonar", ring, "--json") == 0
-    shown = capsys.readouterr()
-    result = json.loads(shown.out)
-    assert (result["kind"], result["n_readings"], result["n_readings_outside"]) == (kind, 24, 12)
-    assert result["n_readings_no_return"] == 6
-    assert 0.0 < result["sonar_nll"] < 9.0
-    assert not {"n_beams", "beam_nll", "auc", "seed", "sonar_nll_contours"} & {*result}
-    assert "12 sonar readings dropped" in shown.err
-
-
 def test_sonar_and_laser_and_a_grid(
     log: Path, ring: Path, table: Path, tmp_path: Path, capsys: pytest.CaptureFixture
 ) -> None:
@@ -133,27 +121,6 @@ def test_a_true_plan_with_and_without_readings(folder: Path, ring: Path, capsys:
     assert 0 < seen["n_cells"] < whole["n_cells"]
     assert 0.0 <= seen["iou_free"] <= 1.0
     assert "sonar_nll" in seen
-
-
-def test_options_take_precedence_over_a_settings_file(
-    folder: Path, ring: Path, tmp_path: Path, capsys: pytest.CaptureFixture
-) -> None:
-    (tmp_path / "ring.toml").write_text("[sonar]\nmax_range = 3.2\nuniform_probability = 0.6\n")
-
-    def scores(*args: object) -> tuple[float, float]:
-        assert prf("score", folder / "run", "--sonar", ring, "--json", "-q", *args) == 0
-        result = json.loads(capsys.readouterr().out)
-        return result["sonar_max_range"], result["sonar_nll"]
-
-    plain, with_file = scores("--set", "sonar.max_range=3.2"), scores("--config", tmp_path / "ring.toml")
-    assert plain[0] == with_file[0] == 3.2
-    assert plain[1] != with_file[1]
-    assert scores("--config", tmp_path / "ring.toml", "--set", "sonar.max_range=3.5")[0] == 3.5
-
-
-def test_without_a_seed_one_is_drawn_and_reported(folder: Path, table: Path, capsys: pytest.CaptureFixture) -> None:
-    assert prf("score", folder / "map.geojson", "--laser", table, "--json", "-q") == 0
-    assert isinstance(json.loads(capsys.readouterr().out)["seed"], int)
 
 
 def test_a_run_that_has_no_best_map_yet(tmp_path: Path, table: Path, capsys: pytest.CaptureFixture) -> None:
@@ -203,15 +170,6 @@ def test_a_grid_of_a_log(
     assert prf("grid", "--laser", log, *THIN, "-f", "--set", "grid.method=log-odds", "--resolution", 0.5) == 0
     assert "0.5 m" in capsys.readouterr().out
     assert read_grid(found["grid"]).occupancy.max() <= 1.0 / (1.0 + np.exp(-3.5)) + 1e-6
-
-
-def test_sonar_alone_and_with_a_laser(log: Path, tmp_path: Path) -> None:
-    table = tmp_path / "ring.csv"
-    table.write_text("x,y,theta,range,cone\n5,7,0,1.5,0.4\n5,7,1,,0.4\n5,7,2,2.5,0.4\n")
-    assert prf("grid", "--sonar", table, "-o", tmp_path / "s.npz", "-q") == 0
-    assert read_grid(tmp_path / "s.npz").hits.sum() > 5
-    assert prf("grid", "--sonar", table, "--laser", log, *THIN, "-o", tmp_path / "b.npz", "-q") == 0
-    assert len(read_grid(tmp_path / "b.npz").process["inputs"]) == 2
 
 
 def test_query_takes_a_grid(office: Path, points: Path, capsys: pytest.CaptureFixture) -> None:

@@ -165,7 +165,6 @@ FIT = "prf calibrate --map room.geojson"
 SIMULATE = "prf simulate -o out"
 CLASSIFY = "mapq classify walls.patches --model model.json"
 SAMPLE = f"prf sample {LASER} -o out"
-LOWEST = "sampler.lowest_inverse_temperature"
 PERTURB = "mapq perturb scans -o out.ply"
 SETTINGS = (
     ("--config absent.toml", 3, "absent.toml: no such file"),
@@ -202,15 +201,12 @@ CASES = (
     (f"prf grid {LASER} -o out.png", 2, "out.png"),
     ("prf prior --scale 1 --window 0 0 1 1 --draws 0", 2, "--draws"),
     ("prf prior --scale 1 --window 0 0 1 1 --draws 1 --thin 5", 2, "--thin"),
-    ("prf prior --scale 0 --window 0 0 1 1 --draws 1", 2, "scale"),
     ("prf prior --scale 1 --window 0 0 0 1 --draws 1", 2, "window"),
     ("prf query run", 2, "either --points"),
     ("prf query run --path points.csv", 2, "--radius"),
     ("prf query run --points points.csv --radius 1", 2, "--radius"),
     ("prf query run --points points.csv --square -1", 2, "square -1"),
     ("prf query run --path points.csv --radius nan", 2, "radius nan"),
-    (f"prf sample {SONAR} --sonar-max-range 0 -o out", 2, "sonar-max-range"),
-    (f"prf sample {SONAR} --sonar-cone 3.2 -o out", 2, "--sonar-cone"),
     (f"prf sample {SONAR} --window 20 20 30 30 -o out", 3, "no sensor stands inside"),
     ("prf sample -o out", 2, "--sonar LOG"),
     ("prf sample --laser - --sonar - -o out", 2, "once"),
@@ -233,20 +229,23 @@ CASES = (
     (f"{CLASSIFY} -o out.ply --topic t", 2, "Leave out --topic"),
     (f"{CLASSIFY} -o no/such/folder/out.ply", 4, "does not exist). Make it first"),
     (f"{CLASSIFY} -o out.ply --fail-over 5", 2, "must be a share between 0 and 1 such as 0.05 or 5%"),
-    (f"{CLASSIFY} -o out.ply --fail-over nan", 2, "must be a share between 0 and 1 such as 0.05 or 5%"),
     (f"{CLASSIFY} -o out.copc.laz", 2, "COPC is not written"),
     ("mapq compare walls.patches walls.patches --model model.json --cell 0", 2, "must be a length"),
     ("mapq evaluate cloud.ply", 3, "neither PATCHES nor a result"),
     ("mapq evaluate walls.patches --model model.json --truth-field wrong", 3, "no point field wrong"),
     ("mapq evaluate result.ply --model model.json", 2, "Leave out --model"),
     ("mapq features walls.patches --csv --json", 2, "--json"),
+    ("mapq inspect walls.patches --unit mm", 2, "holds its unit"),
+    ("mapq render walls.patches --set cloud.topic=a -o out.png", 2, "Leave out cloud.topic"),
     ("mapq features walls.patches --set features.context=['colour']", 2, "features.context"),
     ("mapq render cloud.ply -o out.txt", 2, "out.txt"),
     ("mapq segment cloud.ply -o out.patches --set crf.folds=3", 2, "not read here"),
     ("mapq segment -", 2, "Name the output with -o"),
-    ("mapq segment cloud.ply --set segment.max_angle=0 -o out.patches", 2, "segment.max_angle = 0: must be above 0"),
-    ("mapq segment cloud.ply --set segment.neighbours=2 -o out.patches", 2, "segment.neighbours = 2: must be"),
     ("mapq segment cloud.ply --max-tilt 95 -o out.patches", 2, "--max-tilt = 95"),
+    *(
+        (f"mapq {line} --config bad.toml", 2, "bad.toml: unknown table [sonar]")
+        for line in ("segment cloud.ply", "features walls.patches", "train walls.patches", "classify walls.patches")
+    ),
     ("mapq classify walls.patches --preset velodyne-vlp16 -o out.ply", 2, "preset velodyne-vlp16"),
     ("mapq simulate", 2, "-o"),
     ("mapq simulate -o out.ply --drift -1", 2, "drift = -1"),
@@ -257,12 +256,7 @@ CASES = (
     ("mapq train bare.patches -o out.json", 3, "mapq label"),
     (f"{SAMPLE} --window 3 0 1 1", 2, "window"),
     (f"{SAMPLE} --window 100 100 110 110", 3, "no sensor stands inside"),
-    (f"{SAMPLE} --scale -1", 2, "scale"),
     (f"{SAMPLE} --noise 0", 2, "noise"),
-    (f"{SAMPLE} --outlier-probability 0", 2, "outlier-probability"),
-    (f"{SAMPLE} --miss-probability 1.5", 2, "miss-probability"),
-    (f"{SAMPLE} --max-range nan", 2, "max-range"),
-    (f"{SAMPLE} --max-range -3", 2, "max-range"),
     (f"{SAMPLE} --resolution 1e-9", 2, "--resolution"),
     (f"{SAMPLE} --steps 10 --time-budget 1", 2, "one of them"),
     (f"{SAMPLE} --steps 10 my.log", 2, "(my.log). Did you mean --laser my.log?"),
@@ -270,24 +264,14 @@ CASES = (
     (f"{SAMPLE} --scans a:b", 2, "--scans"),
     (f"{SAMPLE} --every-scan 1 --scans 900:901", 3, ""),
     (f"{SAMPLE} --set sampler.start=moon", 2, '--set sampler.start = "moon": must be'),
-    (f"{SAMPLE} --set {LOWEST}=1", 2, f"--set {LOWEST} = 1"),
     (
         f"{SAMPLE} --set sampler.temperatures=3 --set sampler.tiles=4",
         2,
         "--set sampler.tiles: tempered chains have no tiles",
     ),
-    (
-        f"{SAMPLE} --set sampler.temperatures=auto --set sampler.tiles=4",
-        2,
-        "--set sampler.tiles: tempered chains have no tiles",
-    ),
-    (f"{SAMPLE} --set sampler.temperatures=0", 2, "--set sampler.temperatures = 0"),
     (f"{SAMPLE} --set sampler.temperature=3", 2, "unknown key. Did you mean temperatures?"),
-    *(
-        (f"prf {verb} {LASER} -o out --set thinning.beam_density={density}", 2, "beam_density")
-        for verb in ("sample", "anneal")
-        for density in ("-1", "nan")
-    ),
+    (f"{SAMPLE} --set thinning.beam_density=-1", 2, "beam_density"),
+    (f"prf anneal {LASER} -o out --set thinning.beam_density=nan", 2, "beam_density"),
     *(
         (f"prf {verb} {SONAR} {line}", code, words)
         for verb in ("sample", "anneal", "grid")
@@ -328,11 +312,6 @@ CASES = (
     ("mapq perturb scans -o out.json", 2, "-o"),
     ("mapq perturb scans -o out.pcd", 2, "out.pcd"),
     (f"{PERTURB} --offset -1", 2, "--offset"),
-    (f"{PERTURB} --drift 1 nan", 2, "--drift"),
-    (f"{PERTURB} --set scans.voxel=-1", 2, "voxel"),
-    (f"{PERTURB} --set simulate.variety=4", 2, "variety"),
-    (f"{PERTURB} --set scans.min_range=3 --set scans.max_range=2", 2, "min_range"),
-    (f"{PERTURB} --set perturb.plausible_below=1", 2, "plausible_below"),
     (f"{PERTURB} --set scans.quaternion=abcd", 2, "quaternion"),
     ("mapq perturb scans/0.ply scans/1.ply -o out.ply --scans *.ply", 2, "--scans"),
     (f"{PERTURB} --yaw 1 --set scans.max_range=0.5", 3, "no point is left"),

@@ -31,13 +31,6 @@ def test_draws_and_summary(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
     assert "seed        3" in table
 
 
-def test_the_same_seed_gives_the_same_file(tmp_path: Path) -> None:
-    for name, seed in (("a", "3"), ("b", "3"), ("c", "4")):
-        assert prf(*ARGS, "--draws", "5", "--seed", seed, "-o", str(tmp_path / name), "-q") == 0
-    contents = [(tmp_path / name).read_bytes() for name in "abc"]
-    assert contents[0] == contents[1] != contents[2]
-
-
 def test_json_and_the_seed_that_was_drawn(capsys: pytest.CaptureFixture[str]) -> None:
     assert prf(*ARGS, "--draws", "300", "--json") == 0
     first = json.loads(capsys.readouterr().out)
@@ -148,15 +141,6 @@ def test_the_map_is_a_valid_multipolygon_that_prf_reads_back(made: Path) -> None
     assert properties["seed"] == 1
     assert properties["configuration"]["every_beam"] == 6
     assert properties["inputs"][0]["path"].endswith("demo-office.log.gz")
-
-
-def test_it_can_be_scored_and_exported(
-    made: Path, data_dir: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    log = str(data_dir / "demo-office.log.gz")
-    assert prf("score", str(made), "--laser", log, "--every-scan", "5", "--seed", "1", "--json") == 0
-    assert json.loads(capsys.readouterr().out)["n_beams"] > 100
-    assert prf("export", str(made), "--format", "svg", "-o", str(tmp_path / "a.svg"), "-q") == 0
 
 
 def test_json_has_sizes(data_dir: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
