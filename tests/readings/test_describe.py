@@ -144,10 +144,6 @@ def warnings_of(
 
 
 class TestJumps:
-    def test_a_turn_is_given_in_radians(self):
-        poses = [(x, y, 1.3 * (i >= 4)) for i, (x, y, _) in enumerate(straight(8, 0.05))]
-        assert jump_in(drive(poses, seconds=0.1)).endswith("the largest by 74 degrees at scan 4")
-
     def test_a_step_is_given_in_metres_and_both_where_both_jump(self):
         poses = [(x + 3 * (i >= 10), y, 1.3 * (i >= 15)) for i, (x, y, _) in enumerate(straight(20))]
         assert jump_in(drive(poses[:14])).endswith("the largest by 3.5 m at scan 10")
@@ -219,8 +215,3 @@ class TestWarnings:
         assert warnings_of(caplog, readings, max_range=8.0) == []
         (warning,) = warnings_of(caplog, readings)
         assert "maximum range" in warning
-
-    def test_arrays_without_scans_or_beams(self, caplog):
-        readings = Readings.from_arrays((0.0, 0.0), [0.1, 0.2], [1.0, 2.0])
-        assert warnings_of(caplog, readings) == []
-        assert warnings_of(caplog, dataclasses.replace(readings.select(np.zeros(2, dtype=bool)))) == []

@@ -10,13 +10,12 @@ from prf.configuration import Configuration
 from prf.kernels.state.guards import GUARD_WAY
 from prf.model.coloring import Coloring, violations
 from prf.model.layout import make_guards
-from prf.model.sensors import LaserModel
 from prf.model.window import Window
 from prf.readings import Readings
-from prf.readings.ground import LONGEST_JOIN, STRAIGHT, cleared, sensor_tracks, way_guards, way_of, ways_near
+from prf.readings.ground import LONGEST_JOIN, STRAIGHT, cleared, sensor_tracks, way_guards, way_of
 from prf.sampler.prepare import prepare
 from prf.sampler.starts import contour_map, find_start_map, map_of_region
-from prf.sampler.target import Target, laser_data, make_chain
+from prf.sampler.target import Target, make_chain
 from tests.reference.beams import Sensor
 from tests.reference.free_way import is_free
 from tests.reference.worlds import draw_world
@@ -96,13 +95,6 @@ def test_guards_hold_the_pieces_in_every_cell_that_they_come_near() -> None:
     assert len(make_guards(grid, np.zeros(0, np.int64), way_guards(pieces[:0], RADIUS)).lists) == 1
 
 
-def test_a_tile_has_the_pieces_that_may_reach_into_it() -> None:
-    shapes = way_guards(np.array([[1.0, 1.0, 3.0, 2.0], [7.0, 7.0, 7.0, 7.0]]), RADIUS)
-    assert ways_near(shapes, np.array([0.0, 0.0, 5.0, 5.0])).tolist() == [True, False]
-    assert ways_near(shapes, np.array([7.1, 0.0, 9.0, 9.0])).tolist() == [False, True]
-    assert ways_near(shapes, np.array([7.3, 0.0, 9.0, 9.0])).tolist() == [False, False]
-
-
 def readings(origin: list[list[float]], scan: list[int], angle: float = 0.0) -> Readings:
     n = len(scan)
     none = np.full(n, np.nan)
@@ -147,23 +139,3 @@ def test_every_start_leaves_the_way_free(seed: int) -> None:
         assert not violations(coloring)
         assert is_free(target, coloring)
     assert find_start_map("prior", target, rng, lambda: True).n_edges > 0
-
-
-def test_a_search_that_ends_by_itself_leaves_the_way_free_too(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("prf.sampler.starts.LOOK", 1000)
-    target = driven_settings(2)
-    coloring = find_start_map("prior", target, np.random.default_rng(1), lambda: False)
-    assert is_free(target, coloring)
-
-
-def test_many_positions_and_returns_take_no_memory_of_all_pairs() -> None:
-    along = np.linspace(0.5, 9.5, 100_000)
-    track = np.column_stack([along, np.full(len(along), 5.0)])
-    walls = np.column_stack([along, np.full(len(along), 6.0)])
-    assert way_of([track], walls, ROOM, RADIUS).round(6).tolist() == [[0.5, 5.0, 9.5, 5.0]]
-
-
-def test_settings_have_no_driven_way_by_default() -> None:
-    laser = laser_data(np.array([[5.0, 5.0]]), np.zeros(1), np.ones(1), LaserModel(3.0))
-    chain = make_chain(Target(ROOM, 0.2, laser), Coloring.empty(ROOM))
-    assert chain.guards.lists.tolist() == [0]

@@ -115,10 +115,6 @@ class TestPoses:
         np.testing.assert_allclose(readings.range, [0.6, 3.4])
         np.testing.assert_allclose(readings.origin[:, 0], [0, 2])
 
-    def test_a_heading_that_wraps_is_interpolated_over_the_short_way(self):
-        readings = read(position(0, 0, 3.1, 1) + position(0, 0, -3.1, 2) + player_laser([1], 1.5, low=0))
-        np.testing.assert_allclose(readings.angle % (2 * np.pi), np.pi)
-
 
 class TestSonar:
     def test_ring_from_the_geometry_line(self):

@@ -1,7 +1,5 @@
 from __future__ import annotations
 
-import gzip
-import io
 import json
 import subprocess
 import sys
@@ -133,15 +131,6 @@ def test_columns_in_any_order_among_others(file: Path) -> None:
     assert table.source == str(file)
 
 
-def test_gzip_and_standard_input(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    text = b"x,y,value\n1,2,0\n3,4,1\n"
-    file.write_bytes(gzip.compress(text))
-    monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(text)))
-    for table in (read_point_data(file), read_point_data("-")):
-        assert np.array_equal(table.xy, [[1.0, 2.0], [3.0, 4.0]])
-        assert table.value.tolist() == [0.0, 1.0]
-
-
 @pytest.mark.parametrize(
     ("text", "words"),
     [
@@ -156,15 +145,6 @@ def test_what_cannot_be_read_is_named_with_its_line(file: Path, text: str, words
     with pytest.raises(InputError) as caught:
         read_point_data(file)
     assert words in str(caught.value)
-
-
-def test_files_that_are_no_text(file: Path, tmp_path: Path) -> None:
-    file.write_bytes(gzip.compress(b"x,y,value\n1,2,3\n")[:-9])
-    with pytest.raises(InputError, match="cut off"):
-        read_point_data(file)
-    for missing in (tmp_path / "absent.csv", tmp_path):
-        with pytest.raises(InputError, match=missing.name):
-            read_point_data(missing)
 
 
 def test_values_that_are_no_colours_are_named_with_their_line(file: Path) -> None:

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -15,10 +15,8 @@ from prf.readings.ground import (
     EVENNESS,
     PASSING,
     PLACE,
-    RARE,
     Passages,
     Strata,
-    draw_evenly,
     strata_of,
     thin_beams,
     weights,
@@ -107,19 +105,10 @@ def test_steps_below_one_name_the_option(readings, argument, flag):
             thin(readings, **{argument: step})
 
 
-def test_steps_of_any_size(readings):
-    assert thin(readings, every_scan=10**30, every_beam=2**31).n_beams == 1
-
-
 @pytest.mark.parametrize("wanted", [{"scans": "20:"}, {"scans": "5:5"}, {"skip_scans": ":"}])
 def test_nothing_left(readings, wanted):
     with pytest.raises(InputError, match="no reading is left of 120 in scans 0 to 19"):
         thin(readings, **wanted)
-
-
-def test_nothing_to_choose_from(readings):
-    with pytest.raises(InputError, match="no readings"):
-        thin(readings.select(np.zeros(readings.n_beams, dtype=bool)))
 
 
 # Fewer beams: what is kept of dense logs, strata and their quotas, and ground that stays passed.
@@ -192,11 +181,6 @@ def test_number_is_the_budget_however_often_the_log_is_repeated(dense: Log) -> N
         assert 0.9 * BUDGET < len(log.kept()) < 1.1 * BUDGET
 
 
-def test_ten_times_the_scans_keep_no_more() -> None:
-    few, many = len(walk(200).kept()), len(walk(2000).kept())
-    assert abs(many - few) < 0.05 * few
-
-
 def test_every_square_with_a_return_keeps_one(dense: Log) -> None:
     squares = np.floor(dense.ends() / PLACE).astype(int)
     assert {tuple(square) for square in squares} == {tuple(square) for square in squares[dense.kept()]}
@@ -242,19 +226,6 @@ def test_across_a_wall_beams_are_thinned_alike(dense: Log) -> None:
     assert abs(scatter(dense.kept()) / scatter(np.arange(len(dense.range))) - 1.0) < 0.15
 
 
-@settings(max_examples=25, deadline=None)
-@given(st.integers(0, 2**32 - 1), st.integers(1, 400), st.floats(0.05, 30.0))
-def test_readings_of_any_kind_give_a_subset_in_order(seed: int, n: int, density: float) -> None:
-    rng = np.random.default_rng(seed)
-    origin = rng.uniform((0.01, 0.01), (19.99, 9.99), (n, 2))
-    reading = np.where(rng.random(n) < 0.2, np.inf, rng.exponential(4.0, n))
-    log = Log(origin, rng.uniform(-10.0, 10.0, n), reading)
-    kept = log.kept(density)
-    assert len(kept) >= 1
-    assert (np.diff(kept) > 0).all()
-    np.testing.assert_array_equal(kept, log.kept(density))
-
-
 WINDOW = Window(0.0, 0.0, 8.0, 8.0)
 
 
@@ -290,27 +261,6 @@ def test_quotas_fill_the_budget_and_grow_as_the_power_of_the_size() -> None:
     np.testing.assert_allclose(quota[1:] / quota[:-1], 4.0**EVENNESS)
 
 
-def test_rare_beams_are_first() -> None:
-    share = weights(made([1, 2, 100_000]), 50.0)
-    assert share[0] == share[1] == 1.0
-    np.testing.assert_allclose(weights(made([300, 100], [400, 400]), 1.0), RARE / 400)
-
-
-def test_no_stratum_gives_more_than_it_has() -> None:
-    share = weights(made([5, 5, 1000]), 900.0)
-    assert (share <= 1.0).all()
-    assert share[0] == 1.0
-
-
-def test_drawing_is_even_and_keeps_the_certain() -> None:
-    strata = made([3, 10, 10, 1000])
-    kept = draw_evenly(strata, np.array([1.0, 0.25, 0.25, 0.125]))
-    assert kept[:3].all()
-    assert kept[3:23].sum() == 5
-    assert abs(kept[23:].sum() - 125) <= 1
-    assert set(np.diff(np.flatnonzero(kept[23:]))) == {8}
-
-
 WINDOW = Window(0.0, 0.0, 12.0, 7.0)
 
 
@@ -324,25 +274,6 @@ def passes_of(passages: Passages, chosen: NDArray[np.bool_]) -> NDArray[np.int64
     return passages._count(chosen)
 
 
-def test_every_point_of_a_beam_lies_in_a_cell_that_it_passes() -> None:
-    start, end = beams(40)
-    for share in np.linspace(0.0, 1.0, 101):
-        at = start + share * (end - start)
-        for i in range(0, 40, 7):
-            passages = Passages(WINDOW, start[i : i + 1], end[i : i + 1])
-            grid = passages._grid
-            column, row = ((at[i] - [grid.x0, grid.y0]) / grid.cell).astype(int)
-            assert passages._passes[row * grid.nx + column] == 1
-
-
-def test_seen_ground_is_that_of_the_squares_passed() -> None:
-    row = np.array([[0.5, 3.5]]), np.array([[11.5, 3.5]])
-    assert 11.0 <= Passages(WINDOW, *row).seen_area() <= 13.0
-    once, often = Passages(WINDOW, *beams(3000)), Passages(WINDOW, *beams(6000))
-    assert once.seen_area() == pytest.approx(often.seen_area())
-    assert once.seen_area() >= WINDOW.area
-
-
 @pytest.mark.parametrize("kept_share", [0.0, 0.03, 0.3])
 def test_completed_beams_pass_every_cell_twice_or_as_often_as_all(kept_share: float) -> None:
     start, end = beams(1500)
@@ -354,11 +285,3 @@ def test_completed_beams_pass_every_cell_twice_or_as_often_as_all(kept_share: fl
     wanted = np.minimum(passes_of(passages, np.ones(1500, np.bool_)), PASSING)
     assert (passes_of(passages, kept) >= wanted).all()
     assert kept.sum() < 700
-
-
-def test_cells_of_a_vast_window_stay_few(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("prf.readings.ground.MAX_CELLS", 500)
-    start, end = beams(50)
-    passages = Passages(WINDOW, start, end)
-    assert passages._grid.nx * passages._grid.ny < 1000
-    assert 0.0 < passages.seen_area() < 4.0 * WINDOW.area
