@@ -36,13 +36,10 @@ def test_manifests_keep_it_under_flat_names() -> None:
     ("values", "words"),
     [
         ({"chains": 0}, "chains = 0"),
-        ({"chains": 10**20}, "chains"),
         ({"temperatures": 0}, "temperatures = 0: must be from 1"),
-        ({"temperatures": 10**20}, "temperatures"),
         ({"start": "moon"}, "start"),
         ({"driven_poses": "some"}, "driven_poses"),
         ({"temperatures": 2, "tiles": 4}, "tiles: tempered chains"),
-        ({"temperatures": "auto", "tiles": 4}, "tiles: tempered chains"),
         ({"nose": 1}, "nose: unknown setting"),
     ],
 )

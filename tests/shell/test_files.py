@@ -6,7 +6,6 @@ import hashlib
 import io
 import os
 import stat
-import zipfile
 from pathlib import Path
 from typing import IO
 
@@ -14,7 +13,7 @@ import numpy as np
 import pytest
 
 from prf.shell.cli import files
-from prf.shell.cli.storage import describe_input, describe_process, load_arrays, load_object, versions
+from prf.shell.cli.storage import describe_input, describe_process, versions
 from prf.shell.errors import InputError, OutputError
 
 
@@ -129,13 +128,6 @@ def test_files_of_a_group_take_their_places_together(tmp_path: Path) -> None:
     )
 
 
-def test_an_error_leaves_a_group_as_it_was(tmp_path: Path) -> None:
-    (tmp_path / "a").write_text("old")
-    with pytest.raises(ZeroDivisionError), files.together(), files.atomic_write(tmp_path / "a") as stream:
-        print_and_fail(stream)
-    assert (names(tmp_path), (tmp_path / "a").read_text()) == (["a"], "old")
-
-
 def test_a_group_that_cannot_be_placed_leaves_all_old_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("a", "b", "dropped"):
         (tmp_path / name).write_text("old")
@@ -192,59 +184,6 @@ def test_gzip_is_unpacked_and_its_damage_named() -> None:
     ):
         with pytest.raises(InputError, match=f"a.gz: the gzip file is {words}"):
             files.gunzip(data, "a.gz")
-
-
-# Archives and JSON of ours that somebody else wrote, or a disk damaged.
-
-
-SCHEMA = "prf.some/1"
-
-
-def archive(path, packing=zipfile.ZIP_STORED, **members: bytes):
-    with zipfile.ZipFile(path, "w", packing) as stream:
-        for name, data in members.items():
-            stream.writestr(f"{name}.npy", data)
-    return path
-
-
-def stored(array) -> bytes:
-    stream = io.BytesIO()
-    np.save(stream, array)
-    return stream.getvalue()
-
-
-def with_header(text: str) -> bytes:
-    head = text.encode().ljust(117) + b"\n"
-    return b"\x93NUMPY\x01\x00" + len(head).to_bytes(2, "little") + head
-
-
-def refusal(read, *args) -> str:
-    with pytest.raises(InputError) as caught:
-        read(*args)
-    assert str(caught.value).isprintable()
-    return str(caught.value)
-
-
-@pytest.mark.parametrize(
-    "member",
-    [
-        with_header("{'descr': '<f8', 'fortran_order': False, 'shape': (1000000000000,)}"),
-        with_header("{'descr': '|O', 'fortran_order': False, 'shape': (3,)}"),
-        b"",
-        stored(np.ones(9))[:-1],
-    ],
-    ids=["terabytes", "pickled", "empty", "cut"],
-)
-def test_damaged_arrays_are_reported(tmp_path, member, recwarn):
-    path = archive(tmp_path / "a.npz", schema=stored(np.str_(SCHEMA)), values=member)
-    assert str(path) in refusal(load_arrays, path, SCHEMA)
-    assert len(recwarn) == 0
-
-
-@pytest.mark.parametrize("text", ["[" * 100_000, '{"a": ' + "9" * 5000 + "}"])
-def test_truncated_json_is_reported(tmp_path, text):
-    (tmp_path / "a.json").write_text(text)
-    assert "damaged" in refusal(load_object, tmp_path / "a.json", SCHEMA)
 
 
 def test_input_is_named_by_its_digest(tmp_path: Path) -> None:

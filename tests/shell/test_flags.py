@@ -10,8 +10,8 @@ from click.testing import CliRunner
 
 from prf.shell.cli.app import make_command
 from prf.shell.cli.options import Json, with_settings
-from prf.shell.cli.settings import Loaded, SettingError, Table, Tree, key, load
-from prf.shell.errors import ArgumentError, ConfigError, UsageError
+from prf.shell.cli.settings import Loaded, SettingError, Table, Tree, key
+from prf.shell.errors import ArgumentError, ConfigError
 
 
 class Lens(Table):
@@ -94,11 +94,6 @@ def test_one_input_alone_is_standard_input() -> None:
     assert str(called("--config", "-", "--source", "-").exception) == (
         "--source - --config -: standard input can be read once only."
     )
-
-
-def test_what_the_verb_does_not_read_is_refused() -> None:
-    with pytest.raises(UsageError, match=r"^--set lens\.rare: not read here\. Set a key of frame, lens\.turns\."):
-        load(Toy, assignments=["lens.rare=1"], read=("frame", "lens.turns"))
 
 
 def test_tables_made_in_python_name_the_keyword() -> None:

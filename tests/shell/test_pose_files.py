@@ -5,7 +5,6 @@ import gzip
 import os
 from pathlib import Path
 from types import SimpleNamespace
-from unittest import mock
 
 import numpy as np
 import pytest
@@ -106,18 +105,14 @@ def test_rounded_rotations_become_exact(tmp_path):
     ("text", "message"),
     [
         ("", "poses.txt: no poses. Rows may be 12"),
-        ("# nothing\n\n", "poses.txt: no poses"),
         ("1 2 3\n", "poses.txt:1: 3 columns, expected a pose"),
         (
             "# log\nPARAM laser 1 host 0\nFLASER 1 2 0 0 0 0 0 0 0 host 0\n",
             "poses.txt:2: 'PARAM' is not a finite number",
         ),
-        ("0 1339759084e9 0 1 1\n", "poses.txt:1: 5 columns, expected a pose"),
         ("0 0 0 0 0 0 1\n\n0 0 0 0 0 1\n", "poses.txt:3: 6 columns, but 7 before"),
         ("0 0 0 0 0 0 1\n0 0 x 0 0 0 1\n", "poses.txt:2: 'x' is not a finite number"),
         ("0 0 0 0 0 0 1\n0 0 nan 0 0 0 1\n", "poses.txt:2: 'nan' is not a finite number"),
-        (f"0 {'0 ' * 6}1\nnan {'0 ' * 6}1\n", "poses.txt:2: 'nan' is not a finite number"),
-        ("0 0 0 0 0 0 1\n0 1e200 0 0 0 0 1\n", "poses.txt:2: a number is beyond 1e"),
         ("0 0 0 0 0 0 1\n0 0 0 1 0 0 1\n", r"poses.txt:2: the last four .* must be a unit quaternion \(length 1.41"),
         ("1 0 0 0 0 2 0 0 0 0 1 0\n", "poses.txt:1: the matrix of this pose is not a rotation"),
         ("1 0 0 0 0 1 0 0 0 0 -1 0\n", "poses.txt:1: the matrix of this pose mirrors"),
@@ -183,14 +178,3 @@ def test_a_disk_that_fails_is_not_taken_for_a_damaged_bag(tmp_path: Path, monkey
     file.touch()
     with pytest.raises(InputError, match=r"^a log: cannot be read \(input/output error\)\.$"), open_bag(file, "a log"):
         pass
-
-
-def test_messages_that_lack_what_their_type_has_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("rosbags.highlevel.AnyReader", mock.MagicMock())
-    monkeypatch.setattr("prf.shell.poses.bag.Bag", mock.MagicMock())
-    body = type("sensor_msgs__msg__LaserScan", (), {})()
-    words = r"^a log: its sensor_msgs/LaserScan has no range_max\. Record"
-    with pytest.raises(InputError, match=words), open_bag(tmp_path, "a log"):
-        _ = body.range_max
-    with pytest.raises(AttributeError, match="nothing"), open_bag(tmp_path, "a log"):
-        _ = tmp_path.nothing  # type: ignore[attr-defined]

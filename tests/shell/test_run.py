@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import os
 import signal
 import subprocess
@@ -14,9 +13,8 @@ import numpy as np
 import pytest
 
 from prf.shell.cli.options import parse_duration
-from prf.shell.cli.pictures import new_page, save
 from prf.shell.cli.storage import resolve_seed, spawn_generators
-from prf.shell.errors import LONGEST_MESSAGE, InputError, Interrupted, UsageError
+from prf.shell.errors import LONGEST_MESSAGE, InputError
 
 VERB = '''
 """A verb that ends in the way given."""
@@ -139,11 +137,6 @@ def test_usage_errors_are_one_line_that_helps(tool: Path, args: tuple[str, ...],
     assert words in done.stderr
 
 
-def test_color_of_the_error_follows_the_flag(tool: Path) -> None:
-    assert "\x1b[" in call(tool, "--color", "always", "finish", "InputError").stderr
-    assert "\x1b[" not in call(tool, "finish", "InputError").stderr
-
-
 def test_no_verb_prints_the_help_as_a_usage_error(tool: Path) -> None:
     done = call(tool)
     assert done.returncode == 2
@@ -155,11 +148,6 @@ def test_help_lists_verbs_that_are_not_even_there(tool: Path) -> None:
     done = call(tool, "--help")
     assert done.returncode == 0
     assert "ros-map" in done.stdout, "verbs come from the table; nothing is imported for the list"
-
-
-@pytest.mark.parametrize("flag", ["--version", "-V"])
-def test_version(tool: Path, flag: str) -> None:
-    assert call(tool, flag).stdout == "tool 1.2\n"
 
 
 def test_the_environment_sets_an_option_and_a_flag_wins(tool: Path) -> None:
@@ -221,10 +209,6 @@ def test_a_long_message_keeps_its_beginning_and_its_remedy():
     assert message.endswith("xx. Mend it.")
 
 
-def test_a_signal_keeps_its_code():
-    assert (str(Interrupted("kept", 15)), Interrupted("kept", 15).exit_code) == ("kept", 143)
-
-
 @pytest.mark.parametrize(
     ("text", "seconds"),
     [
@@ -256,21 +240,8 @@ def test_a_given_seed_stays_and_an_absent_one_is_drawn() -> None:
     assert all(0 <= seed < 2**32 for seed in drawn)
 
 
-def test_a_negative_seed_is_a_usage_error() -> None:
-    with pytest.raises(UsageError, match="--seed -1"):
-        resolve_seed(-1)
-
-
 def test_more_generators_leave_the_first_ones_as_they_were() -> None:
     few = [rng.random(4) for rng in spawn_generators(5, 2)]
     many = [rng.random(4) for rng in spawn_generators(5, 6)]
     np.testing.assert_array_equal(few, many[:2])
     assert len({tuple(draws) for draws in many}) == 6
-
-
-def test_letters_that_no_font_has_are_written_as_escapes(tmp_path: Path) -> None:
-    page = new_page(2.0, 1.0)
-    text = page.text(0.0, 0.5, "a\udce9 \x1b a\nb")
-    save(page, io.BytesIO())
-    save(page, tmp_path / "a.svg")
-    assert text.get_text() == "a\\udce9 \\x1b a\nb"

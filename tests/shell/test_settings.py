@@ -18,7 +18,6 @@ from prf.shell.errors import ConfigError, InputError, UsageError
 
 TREES: list[type[Tree]] = [Configuration, mapq.configuration.Configuration]
 PRESETS = [(tree, name) for tree in TREES for name in preset_names(tree)]
-VALUES = ("1", "-1", "0", "1e300", "nan", "inf", "'x'", "true", "[]", "[1, 2, 3]", "{ a = 1 }", "1979-05-27", "[[1]]")
 
 
 @pytest.fixture
@@ -114,24 +113,6 @@ def test_flags_and_presets_are_named_as_they_are_given() -> None:
         load(Configuration, assignments=("laser.noise=x",))
     with pytest.raises(ConfigError, match=r"^--preset: unknown preset 'x'"):
         load(Configuration, presets=("x",))
-
-
-def refusal(tree: type[Tree], file: Path) -> str | None:
-    try:
-        load(tree, file)
-    except ConfigError as error:
-        return str(error)
-    return None
-
-
-@pytest.mark.parametrize("tree", TREES)
-@pytest.mark.parametrize("value", VALUES)
-def test_any_value_of_any_key_is_taken_or_refused_in_one_line(tree: type[Tree], value: str, file: Path) -> None:
-    keys = [(table, name) for table, model in tree.tables().items() for name in model.model_fields]
-    for table, name in [*keys, ("preset", "x"), ("", "preset"), ("", "nothing"), ("nothing", "x")]:
-        file.write_text(f"[{table}]\n{name} = {value}\n" if table else f"{name} = {value}\n")
-        message = refusal(tree, file)
-        assert message is None or (message.startswith(str(file)) and "\n" not in message)
 
 
 def test_files_that_are_no_text(file: Path, tmp_path: Path) -> None:

@@ -49,11 +49,6 @@ def test_handlers_are_put_back() -> None:
     assert signal.getsignal(signal.SIGINT) is before
 
 
-def test_no_request_raises_nothing() -> None:
-    with graceful_stop() as stop:
-        assert stop.raise_if_requested("nothing came") is None
-
-
 def test_outside_the_main_thread_the_flag_stays_unset() -> None:
     seen: list[bool] = []
 

@@ -80,12 +80,6 @@ def test_a_callable_receives_shares_and_words() -> None:
     assert calls == [(0.25, {"stage": "first"}), (1.0, {})]
 
 
-def test_no_progress_by_default(capsys: pytest.CaptureFixture[str]) -> None:
-    with reported(False, 4.0, "working") as reporter:
-        reporter(1, stage="first")
-    assert capsys.readouterr() == ("", "")
-
-
 def test_a_card_shows_facts_as_they_are_and_the_picture() -> None:
     page = card("A <b>map", {"source & more": "<script>"}, picture(3, 2))
     assert "A &lt;b&gt;map" in page
@@ -93,11 +87,6 @@ def test_a_card_shows_facts_as_they_are_and_the_picture() -> None:
     assert "<script>" not in page
     assert "data:image/png;base64,iVBOR" in page
     assert "<img" not in card("A map", {})
-
-
-def test_the_picture_of_a_card_is_a_small_copy() -> None:
-    assert len(picture(2000, 1500)) > 1_000_000
-    assert 10_000 < len(card("A map", {}, picture(2000, 1500))) < 100_000
 
 
 def picture(width: int, height: int) -> bytes:
@@ -117,8 +106,3 @@ def test_a_notebook_is_known_by_its_shell(
     monkeypatch.setitem(sys.modules, "IPython", SimpleNamespace(get_ipython=lambda: running))  # type: ignore[arg-type]
     monkeypatch.setattr(console, "find_spec", lambda name: object() if widgets else None)
     assert console.in_notebook() is is_one
-
-
-def test_without_a_notebook_there_is_none(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delitem(sys.modules, "IPython", raising=False)
-    assert not console.in_notebook()
