@@ -79,19 +79,6 @@ def test_what_is_no_label_is_refused(values, message):
         label_from_field(patches_with(values), "truth", "f")
 
 
-def test_a_missing_field_is_refused_with_those_there_are():
-    with pytest.raises(InputError, match="city: no point field label; there are truth"):
-        label_from_field(patches_with(TRUTH), "label", "city")
-
-
-def test_no_patches_no_labels():
-    none = make_patches([], np.empty((0, 3)), loose=3)
-    none = replace(none, cloud=none.cloud.with_fields(truth=np.zeros(3)))
-    labelled, counts = label_from_field(none, "truth", "f")
-    assert len(labelled.label) == 0
-    assert set(counts.values()) == {0}
-
-
 def test_conservative_labels_are_plausible_only_if_surely_so():
     patch = np.repeat([0, 1, 2, 3, -1], [10, 10, 10, 2, 1]).astype(np.int32)
     values = np.concatenate([[0] * 9 + [1], [0] * 8 + [1, 255], [0] * 10, [255, 255], [0]])
@@ -143,28 +130,6 @@ def test_training_repeats(files):
     np.testing.assert_array_equal(first.weights, again.weights)
     assert first.calibration.slope == again.calibration.slope
     np.testing.assert_array_equal(first.operating, again.operating)
-
-
-def test_maps_without_labels_are_refused(tmp_path):
-    path = str(tmp_path / "bare.patches")
-    write_patches(path, draw_patches(1, labelled=False))
-    with pytest.raises(InputError, match="mapq label"):
-        train_maps([path])
-
-
-def test_settings_of_features_that_are_strange_are_refused(files):
-    model = train_maps(files, TrainSettings(potential="linear", regularisation=1.0))
-    for change, message in (
-        ({"colour": 1}, "colour is not known"),
-        ({"radius": "wide"}, "cannot be used"),
-        ({"radius": -1.0}, "cannot be used"),
-        ({"up": 3}, "cannot be used"),
-    ):
-        with pytest.raises(InputError, match=message):
-            feature_settings(replace(model, features={**model.features, **change}))
-    short = {name: value for name, value in model.features.items() if name != "tau"}
-    with pytest.raises(InputError, match="tau is missing"):
-        feature_settings(replace(model, features=short))
 
 
 def test_conservative_training_counts_what_has_no_label_as_suspicious(tmp_path):

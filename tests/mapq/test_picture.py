@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,7 +18,6 @@ from mapq.picture import (
     patch_colours,
     probability_colours,
 )
-from prf.shell.cli import pictures
 from prf.shell.errors import InputError
 
 
@@ -71,14 +69,6 @@ class TestColours:
 
 
 class TestPicture:
-    def test_both_views_and_formats(self, tmp_path: Path) -> None:
-        xyz, patch, label = walls()
-        page = Picture(xyz, label_colours(label, patch), "A map", "four walls").draw()
-        for suffix in ("png", "svg", "pdf"):
-            target = tmp_path / f"map.{suffix}"
-            pictures.save(page, target)
-            assert target.stat().st_size > 5000
-
     def test_suspicious_points_are_drawn_red(self) -> None:
         from matplotlib.image import imread
 

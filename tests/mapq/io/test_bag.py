@@ -175,12 +175,3 @@ def test_what_is_refused(tmp_path):
     assert "2 clouds in frame velodyne, and tf does not lead there from map" in line
     assert "cloud.frame" in line
     assert "folder without metadata.yaml and with 2 bag files" in refusal(read_cloud, str(tmp_path))
-
-
-def test_rows_that_overlap_are_refused(tmp_path):
-    def notes(make):
-        body = message(make, START, rows(), "map", 3)
-        body.row_step = 8
-        return [Note("/map", START, body)]
-
-    assert "does not fit into 8 bytes" in refusal(read_cloud, write(tmp_path, "ros2", notes))

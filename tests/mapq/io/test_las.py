@@ -35,12 +35,11 @@ def as_read(las: laspy.LasData) -> laspy.LasData:
     return laspy.read(stream)
 
 
-@pytest.mark.parametrize("zipped", [False, True])
 @pytest.mark.parametrize("compress", [False, True])
 @pytest.mark.parametrize(("kind", "version"), KINDS)
-def test_every_dimension_is_read(tmp_path, kind, version, compress, zipped):
+def test_every_dimension_is_read(tmp_path, kind, version, compress):
     las = as_read(las_data(kind=kind, version=version))
-    path = save(tmp_path, "a.las", las_bytes(compress, kind=kind, version=version), zipped)
+    path = save(tmp_path, "a.las", las_bytes(compress, kind=kind, version=version))
     cloud = read_cloud(path)
     assert cloud.shift.tolist() == [436_000 if las.x.min() < 437_000 else 437_000, 5_427_000, 0]
     assert cloud.world().tobytes() == np.ascontiguousarray(las.xyz).tobytes()
@@ -51,7 +50,7 @@ def test_every_dimension_is_read(tmp_path, kind, version, compress, zipped):
     assert cloud.fields["height"].dtype == np.float64
 
 
-@pytest.mark.parametrize("name", ["b.las", "b.laz", "B.LAZ"])
+@pytest.mark.parametrize("name", ["b.las", "B.LAZ"])
 @pytest.mark.parametrize(("kind", "version"), KINDS)
 def test_what_is_written_again_is_the_same(tmp_path, kind, version, name):
     path = save(tmp_path, "a.laz", las_bytes(True, kind=kind, version=version, records=(wkt("x"),)))

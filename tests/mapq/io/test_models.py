@@ -94,20 +94,6 @@ def test_content_that_is_no_model_is_one_line(place, value, message, tmp_path):
     assert "\n" not in str(error.value)
 
 
-@pytest.mark.parametrize("place", ["schema", "edge_model", "parameters.node.fit", "threshold", "node_scaling.clip"])
-def test_a_missing_key_is_named(place, tmp_path):
-    path = saved(tmp_path)
-    content = json.loads(path.read_text())
-    at = content
-    *way, last = place.split(".")
-    for key in way:
-        at = at[key]
-    del at[last]
-    path.write_text(json.dumps(content))
-    with pytest.raises(InputError, match="no schema" if place == "schema" else f"'{last}' is missing"):
-        read_model(path)
-
-
 def test_a_file_that_is_cut_off_is_damaged(tmp_path):
     path = saved(tmp_path)
     path.write_text(path.read_text()[:200])
@@ -152,26 +138,3 @@ def test_a_threshold_of_known_against_unknown_is_kept(tmp_path):
     model = model.__class__(**{**model.__dict__, "potential": model.potential._replace(trees=trees)})
     write_model(path, model)
     np.testing.assert_array_equal(read_model(path).potential.trees.threshold, threshold)
-
-
-@pytest.mark.parametrize(
-    ("place", "value"),
-    [
-        ("base", None),
-        ("trees", [["leaf 1"], []]),
-        *(
-            ("trees", [[text, "leaf 1", "leaf 2"]])
-            for text in ("colour 0.1 1 2 left 0.2", "fit 0.1 0 2 left 0.2", "fit 0.1 1 3 left 0.2", "fit 0.1 1 2 left")
-        ),
-    ],
-)
-def test_damaged_trees_are_one_line_that_names_the_file(place, value, tmp_path):
-    path, _ = saved_trees(tmp_path)
-    content = json.loads(path.read_text())
-    content["potential"][place] = value
-    path.write_text(json.dumps(content))
-    with pytest.raises(InputError) as error:
-        read_model(path)
-    assert "damaged" in str(error.value)
-    assert str(path) in str(error.value)
-    assert "\n" not in str(error.value)

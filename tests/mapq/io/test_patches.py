@@ -77,16 +77,8 @@ def change(path, **replaced) -> str:
         ({"schema": None}, "no schema"),
         ({"xyz": None}, "array xyz is missing"),
         ({"xyz": np.zeros((60, 2))}, "array xyz has shape (60, 2)"),
-        ({"coordinate_type": "float16"}, "damaged"),
-        ({"patch": np.zeros(60)}, "array patch is float64"),
         ({"patch": np.full(60, 3, np.int32)}, "patch numbers are not within -1 and 2"),
-        ({"patch": np.full(60, -1, np.int32)}, "patch 0 has no points"),
         ({"normal": np.zeros((2, 3))}, "array centroid has shape (3, 3), not (2, 3)"),
-        ({"centroid": np.full((3, 3), np.inf)}, "a point of a patch or a centroid is not finite"),
-        ({"label": np.full(3, 7, np.uint8)}, "a label is neither 0 nor 1 nor 255"),
-        ({"field_names": '["a", "b", "c", "d", "e"]'}, "'field_4' is missing"),
-        ({"field_0": np.zeros(59)}, "has not 60 rows"),
-        ({"report": None}, "'report' is missing"),
     ],
 )
 def test_what_contradicts_itself_is_refused(tmp_path, replaced, line):
@@ -293,13 +285,6 @@ def test_a_result_is_read_in_the_unit_in_which_it_was_classified(tmp_path, name)
     assert read_cloud(path, ReadOptions(unit=0.5)).unit.tolist() == [0.5] * 3
     write_cloud(path, PointCloud.from_world(world, fields))  # no result
     assert read_cloud(path).unit.tolist() == [1, 1, 1]
-
-
-@pytest.mark.parametrize("unit", ["m", [1, 2]])
-def test_what_is_no_unit_is_refused(tmp_path, unit):
-    path = tmp_path / "r.json"
-    path.write_text("".join(result_lines({**HEAD, "cloud_unit": unit}, ROWS)))
-    assert "r.json: damaged" in refusal(stated_unit, path)
 
 
 def test_json_without_unit_or_unreadable_is_ignored(tmp_path):

@@ -18,13 +18,12 @@ FACES = "element face 2\nproperty list uchar int vertex_indices"
 TWO_FACES = b"\x03" + np.arange(3, dtype="<i4").tobytes() + b"\x04" + np.arange(4, dtype="<i4").tobytes()
 
 
-@pytest.mark.parametrize("zipped", [False, True])
 @pytest.mark.parametrize("coordinates", ["f4", "f8"])
 @pytest.mark.parametrize("newline", ["\n", "\r\n"])
 @pytest.mark.parametrize("order", ["<", ">", ""])
-def test_every_type_and_order(tmp_path, order, newline, coordinates, zipped):
+def test_every_type_and_order(tmp_path, order, newline, coordinates):
     rows = table(coordinates=coordinates)
-    cloud = read_cloud(save(tmp_path, "a.ply", ply(rows, order, newline), zipped))
+    cloud = read_cloud(save(tmp_path, "a.ply", ply(rows, order, newline)))
     check_same(cloud, rows)
     assert cloud.coordinate_type == np.dtype(coordinates)
     assert not cloud.finite()[3]
@@ -200,12 +199,11 @@ def padded(n: int = 40) -> np.ndarray:
     return rows
 
 
-@pytest.mark.parametrize("zipped", [False, True])
 @pytest.mark.parametrize("coordinates", ["f4", "f8"])
 @pytest.mark.parametrize("data", ENCODINGS)
-def test_every_type(tmp_path, data, coordinates, zipped):
+def test_every_type(tmp_path, data, coordinates):
     rows = table(coordinates=coordinates)
-    check_same(read_cloud(save(tmp_path, "a.pcd", pcd(rows, data), zipped)), rows)
+    check_same(read_cloud(save(tmp_path, "a.pcd", pcd(rows, data))), rows)
 
 
 @pytest.mark.parametrize("data", ENCODINGS)

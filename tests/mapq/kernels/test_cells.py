@@ -4,15 +4,14 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.spatial import cKDTree
 
 from mapq.cloud import PointCloud
-from mapq.kernels.cells import LEVELS, find_bounds, first_levels, number_cells, pick_one_a_cell
+from mapq.kernels.cells import LEVELS, first_levels, number_cells, pick_one_a_cell
 from mapq.kernels.growing import pair_rms
 from mapq.kernels.normals import estimate_normals, robust_normals, trimmed_residuals
 from mapq.kernels.order_statistics import quantiles
 from mapq.segmentation.points import neighbours_of, pooled_noise, sort_points, usual_noise
-from mapq.segmentation.regions import fit, merge
+from mapq.segmentation.regions import fit
 from tests.reference.mapq_segment import nearest, plane_of, wall
 
 RNG = np.random.default_rng(7)
@@ -27,15 +26,6 @@ def test_numbers_interleave_the_bits_of_the_indices() -> None:
     cells = RNG.integers(0, 1 << LEVELS, (200, 3))
     numbers = number_cells((cells + 0.5) / (1 << LEVELS), np.zeros(3), 1.0)
     assert numbers.tolist() == [slow_number(cell) for cell in cells]
-
-
-def test_points_on_the_far_faces_belong_to_the_last_cells() -> None:
-    assert number_cells(np.array([[1.0, 1.0, 1.0]]), np.zeros(3), 1.0).tolist() == [(1 << 3 * LEVELS) - 1]
-
-
-def test_bounds() -> None:
-    xyz = RNG.normal(0, 1, (50, 3))
-    np.testing.assert_array_equal(find_bounds(xyz), [xyz.min(axis=0), xyz.max(axis=0)])
 
 
 def test_first_levels_count_the_cells_of_every_level() -> None:
@@ -67,16 +57,6 @@ def all_pairs(n: int) -> np.ndarray:
     return np.array([(i, j) for i in range(n) for j in range(i + 1, n)], np.int32)
 
 
-def test_planes_of_regions_are_those_of_their_points() -> None:
-    xyz, region = joined(wall(GROWING_RNG, degrees=20), wall(GROWING_RNG, offset=3, degrees=-50) + 1000.0)
-    fits = fit(xyz, region)
-    for r in range(2):
-        normal, variances = plane_of(xyz[region == r])
-        assert abs(fits.planes[r, :3] @ normal) == pytest.approx(1.0, abs=1e-9)
-        np.testing.assert_allclose(fits.planes[r, 3:], xyz[region == r].mean(axis=0), rtol=1e-9)
-        np.testing.assert_allclose(fits.spread[r], variances, rtol=1e-6)
-
-
 def test_joint_residuals_are_those_of_the_joint_plane() -> None:
     xyz, region = joined(wall(GROWING_RNG), wall(GROWING_RNG, 3, 2, offset=0.1, start=4, degrees=3))
     fits = fit(xyz, region)
@@ -85,23 +65,6 @@ def test_joint_residuals_are_those_of_the_joint_plane() -> None:
     distance = (xyz - xyz.mean(axis=0)) @ normal
     expected = max(np.sqrt((distance[region == r] ** 2).mean()) for r in range(2))
     assert rms[0] == pytest.approx(expected, rel=1e-6)
-
-
-def test_pieces_of_one_wall_are_united_and_copies_are_not() -> None:
-    left, right = wall(GROWING_RNG, 4, start=-4), wall(GROWING_RNG, 4, start=4)
-    copy, crumb = wall(GROWING_RNG, 4, offset=0.15), wall(GROWING_RNG, 1, 0.5, offset=0.15)
-    xyz, region = joined(left, right, copy, crumb, wall(GROWING_RNG, 4, degrees=90))
-    parent = merge(fit(xyz, region), all_pairs(5), 0.036)
-    assert parent.tolist() == [0, 0, 2, 2, 4]
-
-
-def test_merging_again_changes_nothing() -> None:
-    parts = [wall(GROWING_RNG, 2, start=3 * i, degrees=2 * i, noise=0.03) for i in range(6)]
-    xyz, region = joined(*parts)
-    parent = merge(fit(xyz, region), all_pairs(6), 0.1)
-    kept = np.unique(parent)
-    again = np.searchsorted(kept, parent[region]).astype(np.int32)
-    assert merge(fit(xyz, again), all_pairs(len(kept)), 0.1).tolist() == list(range(len(kept)))
 
 
 NEIGHBOURS_RNG = np.random.default_rng(5)
@@ -139,14 +102,6 @@ def test_a_gap_cuts_the_lists(name: str) -> None:
     np.testing.assert_array_equal(found, nearest(xyz, 16, 0.1 if name != "grid, full of ties" else 1.0))
 
 
-def test_a_large_cloud_agrees_with_a_tree() -> None:
-    xyz, found = search(
-        np.vstack([wall(NEIGHBOURS_RNG, 30, 10, 0.1), wall(NEIGHBOURS_RNG, 30, 10, 0.03, offset=5)]), 16
-    )
-    distance = np.linalg.norm(xyz[found] - xyz[:, None], axis=2)
-    np.testing.assert_allclose(distance, cKDTree(xyz).query(xyz, 17)[0][:, 1:], rtol=1e-12)
-
-
 def test_only_chosen_points_get_a_row() -> None:
     points = sort_points(PointCloud(CLOUDS["volume"], np.zeros(3)))
     wanted = NEIGHBOURS_RNG.uniform(size=len(points.xyz)) < 0.1
@@ -181,15 +136,6 @@ def test_a_plane_without_noise_is_found_exactly() -> None:
     assert spread[:, 0].max() < 1e-12
 
 
-@pytest.mark.parametrize("direction", [(1, 0, 0), (0, 0, 1), (1, 1, 1), (1, -2, 3)])
-def test_a_line_has_a_normal_across_it(direction: tuple[int, int, int]) -> None:
-    along = np.array(direction) / np.linalg.norm(direction)
-    xyz = NORMALS_RNG.uniform(0, 1, (60, 1)) * along
-    normal, _ = normals(xyz, nearest(xyz, 16))
-    np.testing.assert_allclose(np.linalg.norm(normal, axis=1), 1.0, atol=1e-6)
-    np.testing.assert_allclose(normal @ along, 0.0, atol=1e-5)
-
-
 def test_a_point_with_one_neighbour_has_no_normal() -> None:
     normal, spread = normals(np.array([[0.0, 0, 0], [1.0, 0, 0]]), np.array([[1, -1, -1], [0, -1, -1]]))
     assert np.isnan(normal).all()
@@ -206,14 +152,6 @@ def test_robust_normals_between_two_copies_of_a_wall(offset: float) -> None:
     robust_normals(xyz, np.ones(len(xyz), bool), found, 28, 28, 0.05, 0.3, normal, variance)
     robust = np.abs(normal[:, 1]) > np.cos(np.radians(15))
     assert robust.mean() > max(0.6, 1.1 * plain.mean())
-
-
-def test_a_ball_has_few_robust_normals() -> None:
-    xyz = NORMALS_RNG.uniform(0, 1, (900, 3))
-    found = nearest(xyz, 16).astype(np.int32)
-    normal, spread = normals(xyz, found)
-    robust_normals(xyz, np.ones(len(xyz), bool), found, 28, 28, 0.005, 0.3, normal, spread[:, 0].copy())
-    assert np.isfinite(normal[:, 0]).mean() < 0.2
 
 
 @pytest.mark.parametrize(
@@ -255,9 +193,3 @@ def test_quantiles_of_groups(groups, share):
     expected = [np.quantile(group, share) if group else 0.0 for group in groups]
     assert quantiles(values, start, share) == pytest.approx(expected, rel=1e-9, abs=1e-6)
     np.testing.assert_array_equal(values, before)
-
-
-def test_many_equal_values():
-    values, start = np.repeat([3.0, 1.0, 2.0], 10_000), np.array([0, 30_000])
-    assert quantiles(values, start, 0.1).tolist() == [1.0]
-    assert quantiles(values, start, 0.9).tolist() == [3.0]

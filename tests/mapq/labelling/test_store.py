@@ -88,13 +88,6 @@ def test_after_the_merge_nothing_is_taken(saved):
             store.set(1, PLAUSIBLE)
 
 
-@pytest.mark.parametrize(("patch", "label"), [(32, 0), (-1, 0), (3, 7)])
-def test_what_is_no_patch_or_label_is_refused(saved, patch, label):
-    with open_store(str(saved)) as store, pytest.raises(IndexError):
-        store.set(patch, label)
-    assert not journal_beside(saved).exists()
-
-
 def test_a_file_written_meanwhile_keeps_what_it_got(saved):
     with open_store(str(saved)) as store:
         store.set(3, SUSPICIOUS)

@@ -5,10 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mapq.cloud import PointCloud
 from mapq.configuration import MergeSettings, PerturbSettings
 from mapq.perturb import build, displaced
-from mapq.perturb.known import planes_round
 from mapq.posed import drive_passes
 from mapq.posed.merge import cell_keys, merge
 from prf.shell.errors import InputError
@@ -150,15 +148,6 @@ def test_fields_of_the_scans_that_bear_our_names_are_kept_under_another():
     assert set(fields["scan"].tolist()) == {0, 1}
 
 
-def test_a_field_whose_kept_name_is_taken_too_is_not_lost():
-    scans = two_scans()
-    nine, eight = (np.full(len(scans.read(0)), value) for value in (9.0, 8.0))
-    clouds = [scans.read(k).with_fields(scan=nine, original_scan=eight) for k in (0, 1)]
-    fields = build(with_clouds(scans, clouds), reference=scans.poses).cloud.fields
-    assert (fields["original_scan"] == 8.0).all()
-    assert (fields["original_original_scan"] == 9.0).all()
-
-
 def test_coordinates_of_a_survey_lose_nothing():
     scans = two_scans()
     far = scans.poses.copy()
@@ -167,32 +156,3 @@ def test_coordinates_of_a_survey_lose_nothing():
     np.testing.assert_allclose(there.world() - far[0, :3, 3], here.world() - scans.poses[0, :3, 3], atol=1e-5)
     np.testing.assert_array_equal(there.fields["suspicious"], here.fields["suspicious"])
     np.testing.assert_allclose(there.fields["to_sensor_x"], here.fields["to_sensor_x"], atol=1e-5)
-
-
-def test_cells_are_cubes_and_too_many_are_refused():
-    points = np.array([(0.01, 0.01, 0.01), (0.09, 0.09, 0.09), (0.11, 0.05, 0.05), (-0.01, 0.05, 0.05)])
-    keys = cell_keys(points, 0.1)
-    assert keys[0] == keys[1]
-    assert len(set(keys.tolist())) == 3
-    with pytest.raises(InputError, match="too much for cells"):
-        cell_keys(np.array([(0.0, 0, 0), (1e7, 0, 0)]), 0.1)
-    assert len(cell_keys(np.zeros((0, 3)), 0.1)) == 0
-
-
-def test_planes_keep_two_close_surfaces_and_corners_apart():
-    y, z = (grid.ravel() for grid in np.meshgrid(np.arange(0, 5, 0.17), np.arange(0, 4, 0.17)))
-    first = np.column_stack([np.zeros(len(y)), y, z])
-    beside = first + np.array([0.3, 0.0, 0.0])
-    across = np.column_stack([-0.2 - y, np.zeros(len(y)), z])
-    normal, flat = planes_round(np.concatenate([first, beside, across]))
-    assert flat.mean() > 0.95
-    expected = np.repeat([[1.0, 0, 0], [1.0, 0, 0], [0, 1.0, 0]], len(y), axis=0)
-    assert (np.abs(np.einsum("ij,ij->i", normal, expected))[flat] > 0.99).mean() > 0.95
-
-
-def test_no_plane_in_a_bush_on_a_line_or_of_a_few_points():
-    rng = np.random.default_rng(2)
-    assert planes_round(rng.uniform(0.0, 3.0, (3000, 3)))[1].mean() < 0.25
-    assert not planes_round(np.outer(np.arange(100), [0.2, 0.1, 0.0]))[1].any()
-    assert not planes_round(np.eye(3))[1].any()
-    assert cell_keys(PointCloud.from_world(np.eye(3)).xyz, 0.5).shape == (3,)

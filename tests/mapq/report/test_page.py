@@ -14,7 +14,7 @@ from mapq.cloud import PointCloud
 from mapq.io import write_ply
 from mapq.report.drawing import read_picture
 from mapq.report.findings import read_findings
-from mapq.report.page import N_BINS, histogram, histogram_svg, page_data, write_report
+from mapq.report.page import N_BINS, histogram, write_report
 from mapq.report.scene import build_scene, evenly, outlines
 from mapq.results.judged import read_judged
 from prf.shell.cli.page import script_sources, script_tags
@@ -63,16 +63,6 @@ def test_a_page_shows_coverage_and_disagreement_of_scans(tmp_path):
     assert "extent of patches" in made
     assert "poses.txt, sha256 12ab" in made
     assert "None" not in made
-
-
-def test_half_of_a_surrogate_pair_is_written_as_its_escape(tmp_path):
-    """It is what names of files become that are no UTF-8, and JSON gives it back."""
-    told = read_findings(str(save_result(tmp_path / "r.ply")))
-    told.head["regions"][0]["cause"] = "seen \udcff before"
-    told.rows[8]["reasons"][0]["text"] = "as \udcff"
-    page = report(tmp_path / "r.html", told)
-    assert "seen \\udcff before" in page
-    assert data_of(page)["reasons"][8][0][0] == "as \udcff"
 
 
 def test_nothing_of_a_page_lies_elsewhere(tmp_path):
@@ -167,12 +157,6 @@ def test_a_map_without_patches_is_said_to_have_none(tmp_path):
     assert data_of(page)["label"] == []
 
 
-def test_numbers_that_do_not_exist_are_null(tmp_path):
-    told = read_findings(str(save_result(tmp_path / "r.ply")))
-    told.rows[0]["rms_m"] = told.rows[1]["rms_m"] = None
-    assert page_data(told, {})["measures"]["rms_m"][:2] == [None, None]
-
-
 def test_the_json_must_be_there_and_of_this_result(tmp_path):
     path, other = save_result(tmp_path / "r.ply"), save_result(tmp_path / "o.ply", draw_patches(2, n_walls=6))
     (tmp_path / "r.json").write_bytes((tmp_path / "o.json").read_bytes())
@@ -181,16 +165,6 @@ def test_the_json_must_be_there_and_of_this_result(tmp_path):
     (tmp_path / "o.json").unlink()
     with pytest.raises(InputError, match="not beside it"):
         read_findings(str(other))
-
-
-@pytest.mark.parametrize(("key", "value"), [("label", "odd"), ("normal", [1.0]), ("area_m2", "x"), ("n_points", [])])
-def test_a_damaged_json_is_refused(tmp_path, key, value):
-    path = save_result(tmp_path / "r.ply")
-    content = json.loads((tmp_path / "r.json").read_text())
-    content["patches"][3][key] = value
-    (tmp_path / "r.json").write_text(json.dumps(content))
-    with pytest.raises(InputError, match=r"r\.json.*damaged"):
-        read_findings(str(path))
 
 
 def test_clouds_and_streams_are_no_results(tmp_path):
@@ -232,16 +206,6 @@ def test_areas_by_probability_and_label():
 def test_patches_are_counted_where_areas_are_not_known():
     sums, unit = histogram(np.array([0.5, 0.5]), np.array([0, 1], np.uint8), np.array([1.0, np.nan]))
     assert (unit, sums.sum()) == ("patches", 2.0)
-
-
-def test_bars_show_their_area():
-    sums = np.zeros((2, N_BINS))
-    sums[0, 0], sums[1, 19] = 10.0, 5.0
-    drawing = histogram_svg(sums, "m²", 0.5)
-    assert drawing.count("<rect") == 2 * N_BINS
-    assert 'height="124.0"' in drawing
-    assert 'height="62.0"' in drawing
-    assert "10 m² plausible, 5 m² suspicious" in drawing
 
 
 def area_of(ring: np.ndarray) -> float:
@@ -305,14 +269,6 @@ def test_loose_points_get_what_patches_leave():
     assert 600 < len(scene.points) <= 1_000
 
 
-def test_a_map_without_patches_and_one_without_points():
-    none = np.zeros((0, 3))
-    scene = build_scene(np.ones((4, 3)), np.full(4, -1, np.int32), none, np.zeros(0, np.uint8), 100)
-    assert (scene.start.tolist(), len(scene.corners)) == ([0, 4], 0)
-    empty = build_scene(none, np.zeros(0, np.int32), none, np.zeros(0, np.uint8), 100)
-    assert unpack(*empty.pack())[1].tolist() == [0, 0]
-
-
 def test_the_box_holds_every_patch_and_leaves_out_what_lies_far_off():
     rng = np.random.default_rng(0)
     xyz = np.concatenate([rng.uniform(20, 30, (100, 3)), rng.uniform(0, 10, (4_000, 3)), [[900.0, -900.0, 50.0]]])
@@ -321,15 +277,6 @@ def test_the_box_holds_every_patch_and_leaves_out_what_lies_far_off():
     assert (scene.high >= xyz[:100].max(axis=0)).all()
     assert (scene.low < 0.5).all()
     assert (np.abs(np.concatenate([scene.low, scene.high])) <= 30.0).all()
-
-
-@pytest.mark.parametrize("n_most", [100, 1_000, 5_000])
-def test_of_many_nearly_as_many_stay_as_may(n_most):
-    rng = np.random.default_rng(1)
-    xyz = np.column_stack([rng.uniform(0, 40, 20_000), rng.uniform(0, 30, 20_000), rng.normal(0, 0.02, 20_000)])
-    chosen = evenly(xyz, np.zeros(20_000, np.int32), n_most)
-    assert 0.6 * n_most <= len(chosen) <= n_most
-    assert (np.diff(chosen) > 0).all()
 
 
 def test_what_is_sparse_keeps_its_points_beside_what_is_dense():

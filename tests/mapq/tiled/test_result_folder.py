@@ -22,7 +22,7 @@ from mapq.results.evaluate import read_labelled, score_labels
 from mapq.results.judged import read_judged
 from mapq.simulate.city import ORIGIN, PITCH, make_block
 from mapq.tiled.run import classify_map
-from prf.shell.errors import InputError, UsageError
+from prf.shell.errors import InputError
 
 
 @pytest.fixture(scope="module")
@@ -51,14 +51,6 @@ def test_scores_are_those_of_one_cloud(results, monkeypatch):
     np.testing.assert_array_equal(mine.truth, theirs.truth)
     assert score_labels(*mine[:3]) == score_labels(*theirs[:3])
     assert mine.truth_from == theirs.truth_from
-
-
-def test_errors_of_scores_are_those_of_one_cloud(results):
-    for path in results:
-        with pytest.raises(InputError, match="no point field verity"):
-            read_labelled(path, None, "verity")
-        with pytest.raises(UsageError, match="labels of a model already"):
-            read_labelled(path, object(), None)  # type: ignore[arg-type]
 
 
 def test_a_report_tells_of_all_patches_and_shows_some_of_the_points(results, tmp_path, monkeypatch):

@@ -10,7 +10,7 @@ from mapq.cloud import PointCloud
 from mapq.configuration import SegmentSettings
 from mapq.kernels.planes import MOMENTS
 from mapq.kernels.regions import sum_regions
-from mapq.segmentation import Regions, join_regions, translate
+from mapq.segmentation import Regions, join_regions
 from mapq.segmentation.parameters import choose_parameters
 from mapq.segmentation.points import sort_points
 from mapq.tiled import tiling as module
@@ -99,17 +99,6 @@ def test_a_chain_of_pieces_is_one_patch_whatever_the_order_of_pairs():
 
 def test_pieces_in_different_planes_are_not_united():
     assert sorted(joined([wall(0.0), wall(10.0, 0.3)], [(0, 1)])) == [0, 1]
-
-
-def test_moments_about_another_origin_are_those_of_the_points_there():
-    points, by = wall(3.0), np.array([[2.0, -1.0, 0.5]])
-    region = np.zeros(len(points), np.int32)
-    origin, sums, moved = np.zeros((1, 3)), np.empty((1, MOMENTS)), np.empty((1, MOMENTS))
-    sum_regions(points, region, origin, sums)
-    sum_regions(np.vstack([points[0] - by, points]), np.append(np.int32(-1), region), origin, moved)
-    away = points - points[0] + by
-    expected = np.concatenate([[len(points)], away.sum(axis=0), (away.T @ away)[np.triu_indices(3)]])
-    np.testing.assert_allclose(translate(sums, by)[0], expected)
 
 
 @pytest.mark.parametrize(("n_shared", "meet"), [(26, True), (24, False), (2, False)])
