@@ -14,15 +14,14 @@ import pytest
 from scipy import integrate
 
 from prf.configuration import Prior
-from prf.kernels import arak_sampler
 from prf.model import arak
 from prf.model.arak import exact_draws
 from prf.model.coloring import Coloring, Draws, violations
-from prf.model.window import BOTTOM, INTERIOR, LEFT, RIGHT, SIDES, TOP, Window
+from prf.model.window import BOTTOM, INTERIOR, LEFT, TOP, Window
 from prf.sampler.prior import mcmc_draws
 from prf.shell.errors import ConfigError
 from tests.reference import arak_laws
-from tests.reference.arak_laws import log_density, log_partition, vertex_sines
+from tests.reference.arak_laws import log_density, log_partition
 from tests.reference.slow_coloring import slow_log_density
 
 UNIT = Window(0.0, 0.0, 1.0, 1.0)
@@ -93,7 +92,7 @@ def test_wrong_arguments_are_config_errors() -> None:
     assert len(exact_draws(1.0, UNIT, 0, rng)) == 0
 
 
-@pytest.mark.parametrize(("scale", "n_draws"), [(1e5, 1), (1.0, 10**20), (1.0, 10**400)])
+@pytest.mark.parametrize(("scale", "n_draws"), [(1e5, 1), (1.0, 10**20)])
 def test_too_many_draws_are_refused(scale: float, n_draws: int) -> None:
     for draw in (
         lambda: exact_draws(scale, UNIT, n_draws, np.random.default_rng(1)),
@@ -121,13 +120,6 @@ def test_log_density_by_hand() -> None:
 def test_log_density_agrees_with_a_slow_twin() -> None:
     for draw in exact_draws(1.0, OBLONG, 50, np.random.default_rng(14)):
         assert log_density(draw, 1.3) == pytest.approx(slow_log_density(draw, 1.3), abs=1e-9)
-
-
-def test_the_order_of_edges_and_ends_does_not_matter() -> None:
-    draw = exact_draws(2.0, UNIT, 1, np.random.default_rng(15))[0]
-    shuffled = draw._replace(edges=np.random.default_rng(1).permutation(draw.edges)[:, ::-1])
-    assert log_density(shuffled, 1.0) == pytest.approx(log_density(draw, 1.0))
-    np.testing.assert_allclose(vertex_sines(shuffled), vertex_sines(draw))
 
 
 def test_a_straight_joint_has_density_zero() -> None:
@@ -163,23 +155,6 @@ def test_density_and_partition_function_agree_with_the_exact_draws() -> None:
         found = np.count_nonzero((sides == pair).all(axis=1)) / n
         z = (found - probability) / math.sqrt(probability * (1.0 - probability) / n)
         assert abs(z) < 4.5, f"sides {pair}: {found} for {probability}, z = {z:.2f}, seed 16, false alarm 3.4e-5"
-
-
-def test_buffers_grow_within_a_draw() -> None:
-    size = arak_sampler.Size(1.0, 1.0, 20.0)
-    vertices, edges, offsets, _ = arak_sampler.draw_many(1, size, np.random.default_rng(17))
-    assert len(edges) > 256
-    assert len(vertices) > 256
-    assert offsets.tolist() == [[0, 0], [len(vertices), len(edges)]]
-
-
-def test_boundary_vertices_lie_exactly_on_their_side() -> None:
-    window = Window(-0.1, 1.0 / 3.0, 2.7, 1.9)
-    draws = exact_draws(1.0, window, 300, np.random.default_rng(18))
-    for side in SIDES:
-        on = draws.xy[draws.side == side]
-        assert len(on) > 100
-        assert np.all(on[:, 1 - side % 2] == window.side_coordinate(side))
 
 
 # The exact laws as functions: values by hand, by simulation long ago, and from one another.
@@ -219,13 +194,6 @@ def test_colours_far_apart_are_independent() -> None:
     )
 
 
-@pytest.mark.parametrize(
-    ("scale", "value"), [(0.1, 0.2039), (0.5, 0.0991), (1.0, 0.0483), (2.0, 0.0174), (4.0, 0.0052)]
-)
-def test_black_variance_of_the_unit_square(scale: float, value: float) -> None:
-    assert arak_laws.black_fraction_variance(scale, UNIT) == pytest.approx(value, abs=1e-4)
-
-
 @pytest.mark.parametrize("window", [UNIT, OBLONG, Window(0.0, 0.0, 12.0, 0.5)])
 def test_black_variance_agrees_with_adaptive_quadrature(window: Window) -> None:
     def integrand(v: float, u: float) -> float:
@@ -233,12 +201,6 @@ def test_black_variance_agrees_with_adaptive_quadrature(window: Window) -> None:
 
     total, _ = integrate.dblquad(integrand, 0.0, window.width, 0.0, window.height, epsabs=1e-11, epsrel=1e-11)
     assert arak_laws.black_fraction_variance(0.6, window) == pytest.approx(total / window.area**2, rel=1e-7)
-
-
-def test_black_variance_of_a_dense_field_is_that_of_a_plane() -> None:
-    """Far from the border the integral of exp(-4 p r) over the plane is 2 pi / (4 p)^2."""
-    value = arak_laws.black_fraction_variance(50.0, Window(0.0, 0.0, 100.0, 80.0))
-    assert value == pytest.approx(0.25 * 2.0 * math.pi / 200.0**2 / 8000.0, rel=1e-3)
 
 
 def test_compare_puts_means_beside_the_laws() -> None:
@@ -254,18 +216,6 @@ def test_compare_puts_means_beside_the_laws() -> None:
 WINDOW = Window(-1.0, 2.0, 3.0, 5.0)
 
 
-def test_measures() -> None:
-    assert (WINDOW.width, WINDOW.height, WINDOW.area, WINDOW.perimeter) == (4.0, 3.0, 12.0, 14.0)
-    assert WINDOW.centre == (1.0, 3.5)
-    assert WINDOW.to_array().tolist() == [-1.0, 2.0, 3.0, 5.0]
-
-
-def test_sides_are_numbered_counter_clockwise_from_the_bottom() -> None:
-    assert SIDES == (BOTTOM, RIGHT, TOP, LEFT) == (0, 1, 2, 3)
-    assert [WINDOW.side_coordinate(side) for side in SIDES] == [2.0, 3.0, 5.0, -1.0]
-    assert [WINDOW.side_length(side) for side in SIDES] == [4.0, 3.0, 4.0, 3.0]
-
-
 def test_contains_is_closed_and_false_for_nan() -> None:
     points = [(-1.0, 2.0), (3.0, 5.0), (3.0 + 1e-12, 4.0), (0.0, math.nan), (0.0, 3.0)]
     np.testing.assert_array_equal(WINDOW.contains(points), [True, True, False, False, True])
@@ -276,9 +226,3 @@ def test_contains_is_closed_and_false_for_nan() -> None:
 def test_an_impossible_window_is_a_config_error(bounds: tuple[float, float, float, float]) -> None:
     with pytest.raises(ConfigError, match="window"):
         Window.checked(*bounds)
-
-
-def test_checked_makes_floats() -> None:
-    window = Window.checked(0, 0, 2, 1)
-    assert window == Window(0.0, 0.0, 2.0, 1.0)
-    assert all(type(bound) is float for bound in window)

@@ -52,12 +52,6 @@ def test_colorings_out_and_in_again(draws: Draws) -> None:
     np.testing.assert_allclose(draws.total_length(), [draw.total_length() for draw in draws])
 
 
-def test_indices_count_from_both_ends(draws: Draws) -> None:
-    np.testing.assert_array_equal(draws[-1].xy, draws[29].xy)
-    with pytest.raises(IndexError):
-        draws[30]
-
-
 def test_no_draws_need_a_window() -> None:
     assert len(Draws.from_colorings([], UNIT)) == 0
     assert Draws.from_colorings([], UNIT).total_length().tolist() == []
@@ -69,12 +63,6 @@ def test_owners_and_global_edges(draws: Draws) -> None:
     ends = draws.xy[draws.global_edges()].reshape(-1, 4)
     np.testing.assert_array_equal(ends, np.concatenate([draw.segments() for draw in draws]))
     assert np.bincount(draws.draw_of_edge(), minlength=30).tolist() == draws.n_edges.tolist()
-
-
-def test_empty_draws_keep_their_place() -> None:
-    black = Draws.from_colorings([Coloring.empty(UNIT, True), Coloring.empty(UNIT)])
-    assert black.total_length().tolist() == [0.0, 0.0]
-    assert [draw.anchor_black for draw in black] == [True, False]
 
 
 # DRAWS files: exact round trips, files of other programs, unreadable lines.
@@ -252,11 +240,6 @@ def test_nothing_and_outside_are_white() -> None:
         assert (coloring.n_edges, coloring.anchor_black) == (0, False)
 
 
-@pytest.mark.filterwarnings("error")
-def test_corners_next_to_zero_are_taken_without_a_warning() -> None:
-    assert_round_trip(from_polygons(Polygon([(0.7, 0.65), (0.6, 0.73), (1.7e-308, 0.67), (1.6e-308, 0.21)]), UNIT))
-
-
 def test_the_anchor_may_lie_on_an_edge() -> None:
     coloring = from_polygons(box(0.25, 0.25, 0.5, 0.75), UNIT)
     assert black_at(coloring, [(0.3, 0.5), (0.7, 0.5)]).tolist() == [True, False]
@@ -287,13 +270,3 @@ def test_a_curve_of_many_vertices_is_not_cut_to_its_chord() -> None:
     kept = turning_corners(quarter, 1e-6)
     assert len(kept) < 2000
     assert Polygon(kept).area == pytest.approx(0.25 * np.pi, abs=1e-5)
-
-
-def test_only_vertices_of_straight_runs_are_removed() -> None:
-    side = np.arange(1000.0)[:, None]
-    zero, end = np.zeros_like(side), np.full_like(side, 1000.0)
-    sides = [(side, zero), (end, side), (end - side, end), (zero, end - side)]
-    ring = np.vstack([np.hstack(pair) for pair in sides])
-    for start in range(3):
-        kept = turning_corners(np.roll(ring, start, axis=0), 1e-6)
-        assert sorted(kept.tolist()) == [[0.0, 0.0], [0.0, 1000.0], [1000.0, 0.0], [1000.0, 1000.0]]

@@ -140,14 +140,6 @@ def test_points_level_with_vertices_are_no_special_case() -> None:
     assert black_at(CUT, [(0.0, 0.0), (0.3, 0.3), (0.3, 0.0 + 1e-12), (0.0, 0.5)]).tolist() == [True] + [False] * 3
 
 
-def test_colours_of_many_points_on_a_large_graph() -> None:
-    draw = exact_draws(0.5, Window(0.0, 0.0, 40.0, 30.0), 1, np.random.default_rng(6))
-    xy = np.random.default_rng(7).uniform((0, 0), (40, 30), (200_000, 2))
-    share = black_at(draw[0], xy).mean()
-    assert draw.n_edges[0] > 3000
-    assert share == pytest.approx(black_areas(draw)[0] / 1200.0, abs=0.005)
-
-
 def test_a_large_graph_of_another_program_is_valid(shared_data: Path) -> None:
     graph = read_cf(shared_data / "prf" / "arak" / "test.cf")
     assert violations(graph) == []

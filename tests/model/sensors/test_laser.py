@@ -11,7 +11,6 @@ from scipy import integrate
 
 from prf.kernels import constants as c
 from prf.kernels.readings.laser_change import FADED
-from prf.kernels.state.build import trace_all
 from prf.kernels.state.chain import Chain
 from prf.model.arak import exact_draws
 from prf.model.coloring import Coloring, black_at
@@ -36,22 +35,6 @@ CASES = [
 ]
 
 
-@pytest.mark.parametrize(
-    ("field", "values"),
-    [
-        ("max_range", (0.0, math.inf, math.nan)),
-        ("noise", (0.0, 1e-300, 1e300)),
-        ("noise_relative", (-0.01, math.inf)),
-        ("outlier_probability", (0.0, 1e-320, 1.0, math.nan)),
-        ("miss_probability", (-0.1, 1.0)),
-    ],
-)
-def test_parameters_without_a_density_are_refused(field: str, values: tuple[float, ...]) -> None:
-    for value in values:
-        with pytest.raises(ArgumentError, match=f"^{field}"):
-            LaserModel(10.0).replace(**{field: value})
-
-
 def test_weights_that_leave_nothing_for_hits_are_refused() -> None:
     with pytest.raises(ArgumentError, match="sum"):
         LaserModel(10.0, outlier_probability=0.6, miss_probability=0.4)
@@ -67,12 +50,6 @@ def test_rays_leave_the_window_where_shapely_finds_it(window: Window, scale: flo
     expected = [exit_by_shapely(window, start, turn) for start, turn in zip(origin, direction, strict=True)]
     tolerance = 1e-12 * max(abs(bound) for bound in window)
     assert window_exit(window, origin, direction) == pytest.approx(np.array(expected), rel=1e-9, abs=tolerance)
-
-
-def test_rays_along_the_axes_leave_exactly() -> None:
-    direction = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0], [-1.0, -0.0], [-0.0, 1.0]])
-    origin = np.full((6, 2), 0.25)
-    assert window_exit(UNIT, origin, direction).tolist() == [0.75, 0.75, 0.25, 0.25, 0.25, 0.75]
 
 
 def test_rays_keep_readings_and_reach() -> None:
@@ -240,15 +217,6 @@ def test_a_ray_that_grazes_a_vertex_meets_both_edges_or_none() -> None:
             assert len(hits) in numbers
             assert (hits == 2.0).all()
             assert np.isinf(distance[1:]).all()
-
-
-def test_tracing_anew_changes_nothing() -> None:
-    rng = np.random.default_rng(10)
-    coloring = exact_draws(0.4, ROOM, 1, rng)[0]
-    chain = chain_at(coloring, rng.uniform(-5, 5, (300, 2)), rng.uniform(-4, 4, 300), 0.4, 8.0)
-    before = chain.beams.ray.copy()
-    trace_all(chain)
-    assert np.array_equal(before, chain.beams.ray)
 
 
 def test_no_beams_and_no_edges() -> None:

@@ -24,7 +24,6 @@ from prf.model.ranges import (
 )
 from prf.model.sensors import LaserModel
 from prf.model.window import Window
-from prf.shell.errors import ArgumentError
 from tests.kernels.entries import log_likelihoods
 from tests.reference.beams import Sensor, log_likelihood, normal
 
@@ -45,17 +44,6 @@ def model_of(sensor: Sensor) -> LaserModel:
 
 def test_defaults_are_those_of_the_contract() -> None:
     assert LaserModel(8.0) == model_of(Sensor(8.0))
-
-
-@pytest.mark.parametrize(("noise", "relative"), [(0.5, 0.0), (1e-3, 0.5), (1e-3, 0.0), (1.5, 1.5)])
-def test_noise_of_any_size_is_taken(noise: float, relative: float) -> None:
-    assert laser_array(LaserModel(0.5, noise, relative))[c.NOISE : c.NOISE_RELATIVE + 1].tolist() == [noise, relative]
-
-
-@pytest.mark.parametrize("name", ["outlier_probability", "miss_probability"])
-def test_a_certainty_is_no_weight(name: str) -> None:
-    with pytest.raises(ArgumentError, match=f"^{name} = 1.0: must be below 1"):
-        LaserModel(8.0).replace(**{name: 1.0})
 
 
 @pytest.mark.parametrize("sensor", SENSORS)

@@ -1,8 +1,9 @@
-"""Parameters of the point observations, what they resolve to, and the window round points."""
+"""Parameters that sensors refuse; those of the point observations, what they resolve to, the window round points."""
 
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,11 +15,31 @@ from prf.shell.errors import ArgumentError, ConfigError
 from tests.reference.slow_points import Flips, Normal, lattice, most_likely_sigma
 
 
-def test_parameters_without_a_density_are_refused() -> None:
-    bad = {"kind": "laplace", "mean_black": math.nan, "mean_white": 1.0, "sigma": 0.0, "flip_probability": 0.5}
-    for field, value in bad.items():
+@pytest.mark.parametrize(
+    ("model", "field", "values"),
+    [
+        (LaserModel(10.0), "max_range", (0.0, math.inf, math.nan)),
+        (LaserModel(10.0), "noise", (0.0, 1e-300, 1e300)),
+        (LaserModel(10.0), "noise_relative", (-0.01, math.inf)),
+        (LaserModel(10.0), "outlier_probability", (0.0, 1e-320, 1.0, math.nan)),
+        (LaserModel(10.0), "miss_probability", (-0.1, 1.0)),
+        (SonarModel(), "max_range", (0.0, math.inf)),
+        (SonarModel(), "noise", (0.0, 1e-300, math.nan)),
+        (SonarModel(), "noise_relative", (-0.1, 1e300)),
+        (SonarModel(), "surface_bias", (-1e300, math.nan)),
+        (SonarModel(), "uniform_probability", (0.0, 1e-320, 1.0)),
+        (SonarModel(), "short_probability", (-0.1, 0.8)),
+        (PointModel(), "kind", ("laplace",)),
+        (PointModel(), "mean_black", (math.nan,)),
+        (PointModel(), "mean_white", (1.0,)),
+        (PointModel(), "sigma", (0.0,)),
+        (PointModel(), "flip_probability", (0.5,)),
+    ],
+)
+def test_parameters_without_a_density_are_refused(model: Any, field: str, values: tuple[object, ...]) -> None:
+    for value in values:
         with pytest.raises(ArgumentError, match=f"^{field}"):
-            PointModel(**{field: value})
+            model.replace(**{field: value})
 
 
 def test_the_kind_follows_from_the_values_unless_it_is_given() -> None:

@@ -14,7 +14,6 @@ from prf.kernels import constants as c
 from prf.kernels.readings import cones as k
 from prf.kernels.readings import sonar_features as v
 from prf.kernels.score.sonar import Scene, add_sonar_densities
-from prf.kernels.state.build import trace_all
 from prf.model import ranges as sensor
 from prf.model.arak import exact_draws
 from prf.model.coloring import Coloring, black_at
@@ -24,7 +23,7 @@ from prf.model.sensors import SonarModel
 from prf.model.window import Window
 from prf.results.score.scene import features_seen, scene_of_coloring
 from prf.sampler.target import Execution, Target, make_chain, sonar_data
-from prf.shell.errors import ArgumentError, ConfigError
+from prf.shell.errors import ConfigError
 from tests.kernels.entries import see_all
 from tests.reference.recompute import differences
 from tests.reference.slow_sonar import (
@@ -42,23 +41,6 @@ from tests.reference.sonar_worlds import data_of, model_of, random_office, ring_
 ROOM = Window(-5.0, -5.0, 5.0, 5.0)
 FAR = Window(1e5, -3e5, 1e5 + 20.0, -3e5 + 12.0)
 VIEW = 0.349
-
-
-@pytest.mark.parametrize(
-    ("field", "values"),
-    [
-        ("max_range", (0.0, math.inf)),
-        ("noise", (0.0, 1e-300, math.nan)),
-        ("noise_relative", (-0.1, 1e300)),
-        ("surface_bias", (-1e300, math.nan)),
-        ("uniform_probability", (0.0, 1e-320, 1.0)),
-        ("short_probability", (-0.1, 0.8)),
-    ],
-)
-def test_parameters_without_a_density_are_refused(field: str, values: tuple[float, ...]) -> None:
-    for value in values:
-        with pytest.raises(ArgumentError, match=f"^{field}"):
-            SonarModel().replace(**{field: value})
 
 
 def test_the_slow_twin_has_the_same_defaults() -> None:
@@ -251,28 +233,11 @@ def test_every_wall_and_corner_finds_room() -> None:
     assert sight.counts[v.N_FEATURES] == 3 * len(walls)
 
 
-def test_without_sonar_no_cone_is_touched() -> None:
-    """What is accepted is applied to the cones that were touched, also where there are none."""
-    cones = make_chain(Target(ROOM, 0.3), Coloring.empty(ROOM)).cones
-    assert (len(cones.pose), cones.n_touched[0]) == (0, 0)
-
-
 def test_too_many_slots_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sensor, "MAX_SLOTS", 10)
     data = data_of(Ring(), [Cone(0.0, 0.0, 0.0, 1.0)], np.ones(1))
     with pytest.raises(ConfigError, match="--every-scan"):
         make_chain(Target(ROOM, 0.3, sonar=data), Coloring.empty(ROOM))
-
-
-def test_sensing_anew_changes_nothing() -> None:
-    rng = np.random.default_rng(3)
-    coloring = exact_draws(0.5, ROOM, 1, rng)[0]
-    cones = ring_all_round(rng.uniform(-5, 5, (10, 2)), 8, 0.5, rng)
-    chain = make_chain(Target(ROOM, 0.5, sonar=data_of(Ring(), cones, rng.uniform(0, 4, len(cones)))), coloring)
-    before = chain.cones.pose.copy()
-    trace_all(chain)
-    assert np.array_equal(before, chain.cones.pose)
-    assert chain.cones.pose[:, v.BORDER] == pytest.approx(math.tan(0.25))
 
 
 def test_no_edges() -> None:
