@@ -21,7 +21,6 @@ from benchmarks.unseen_sets import Map
 from mapq.labels import PLAUSIBLE, SUSPICIOUS, UNLABELLED
 from mapq.results.judged import Judged
 from prf.model.sensors import SonarModel
-from prf.readings import Readings, read_readings
 from prf.results import write_run
 from prf.results.occupancy import OccupancyGrid
 from prf.results.score import read_occupied_area
@@ -43,13 +42,6 @@ def test_contours_join_the_cells_of_a_wall_and_leave_out_what_is_unseen() -> Non
     assert shapely.hausdorff_distance(wall, shapely.box(1.1, 2.1, 1.5, 2.2)) < 0.02
 
 
-def test_contours_join_cells_that_touch_at_a_corner() -> None:
-    rows = ["." * k + "#" + "." * (9 - k) for k in range(10)]
-    slanted = contour_polygons(grid_of(rows))
-    assert len(slanted.geoms) == 1
-    assert len(shapely.get_coordinates(slanted)) - 1 <= 6
-
-
 def test_written_contours_are_read_as_a_map(tmp_path: Path) -> None:
     grid = grid_of([".....", ".###.", "....."])
     corners = write_contours(grid, tmp_path / "map.geojson")
@@ -68,15 +60,6 @@ def test_bytes_count_every_corner_once(tmp_path: Path) -> None:
     assert (sizes["rings"], sizes["corners"]) == (2, 7)
     assert [sizes[f"{form}_bytes"] for form in ("int16_cm", "float32", "float64")] == [32, 60, 116]
     assert sizes["geojson_bytes"] == path.stat().st_size
-
-
-def test_the_scan_of_the_hallway_is_turned_to_look_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    heading, fan = 2.0, np.linspace(-math.pi / 2, math.pi / 2, 181)
-    scan = Readings.from_arrays([3.0, 4.0], heading + fan, np.full(181, 2.5), scan=7)
-    monkeypatch.setattr(figure4, "read_readings", lambda _: scan)
-    turned = read_readings(str(figure4.upright_scan(tmp_path, 7, tmp_path / "scan.csv")))
-    np.testing.assert_allclose(turned.angle, fan + math.pi / 2, atol=1e-12)
-    np.testing.assert_array_equal(turned.origin, np.zeros((181, 2)))
 
 
 @pytest.mark.parametrize("seen", [False, True])
@@ -168,22 +151,7 @@ def test_the_prf_must_be_ahead_of_the_better_grid_of_each_measure() -> None:
     )
 
 
-def test_the_table_has_a_row_a_map_of_one_setting() -> None:
-    rows = [row(figure5.POSTERIOR, 0.25, 0.5, cell_brier=0.1), row("count grid", 0.1, 1.0, settings="defaults")]
-    assert figure5.table(rows, "fitted").splitlines()[2:] == ["| 5 % | PRF posterior | 0.250 | 0.900 | 0.500 | 0.100 |"]
-
-
 # The benchmark of the noisy bitmap: its truth, and what its baselines do where that is known.
-
-
-def test_the_truth_lies_inside_with_white_all_round() -> None:
-    truth = bitmap.bitmap(bitmap.shapes())
-    assert truth.shape == (bitmap.SIZE, bitmap.SIZE)
-    assert 0.15 < truth.mean() < 0.35
-    assert not truth[[0, -1]].any()
-    assert not truth[:, [0, -1]].any()
-    assert truth[10, 12], "a leg of the letter"
-    assert not truth[28, 26], "its counter"
 
 
 @pytest.mark.parametrize("diagonal", [False, True], ids=["4 neighbours", "8 neighbours"])
@@ -204,12 +172,6 @@ def test_the_median_is_the_majority() -> None:
     expected = noisy.copy()
     expected[4, 1] = True
     assert np.array_equal(bitmap.by_median(noisy, 3), expected)
-
-
-def test_the_best_in_hindsight_is_taken() -> None:
-    truth = np.eye(4, dtype=np.bool_)
-    found = bitmap.best_of([("none", ~truth), ("all", truth), ("half", truth & False)], truth)
-    assert found[:2] == (0.0, "all")
 
 
 def test_the_maps_find_a_half_plane() -> None:
@@ -235,13 +197,6 @@ def test_wrong_poses_are_off_by_the_given_size(error: str, n_moved: int):
     assert np.count_nonzero(off) == n_moved
     assert off.max() == pytest.approx(0.6)
     assert off[0] == 0.0
-
-
-def test_thinning_keeps_one_point_of_so_many_with_its_fields():
-    cloud = make_patches([np.random.default_rng(1).random((3000, 3))], np.eye(3)[:1]).cloud
-    thinned = unseen_sets.thin(cloud.with_fields(number=np.arange(3000)), 3)
-    assert len(thinned) == pytest.approx(1000, abs=100)
-    np.testing.assert_array_equal(thinned.xyz, cloud.xyz[thinned.fields["number"]])
 
 
 def test_scans_spread_by_what_they_are_displaced():

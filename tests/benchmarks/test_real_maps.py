@@ -11,15 +11,14 @@ from benchmarks import causes, real_data, real_methods, real_pairs
 from benchmarks.drawn_labels import draw_labels
 from benchmarks.entropies import entropies
 from benchmarks.map_metrics import map_metrics
-from benchmarks.plane_scores import score_segmentation, truth_of
+from benchmarks.plane_scores import score_segmentation
 from benchmarks.split import split_by_place
 from mapq.cloud import PointCloud
 from mapq.configuration import SimulateSettings
-from mapq.labels import PLAUSIBLE, UNLABELLED
+from mapq.labels import UNLABELLED
 from mapq.perturb import build
 from mapq.results.causes import LOCAL, MISSED_LOOP
 from mapq.simulate import simulate
-from prf.shell.errors import InputError, UsageError
 from tests.mapq.factories import make_patches, wall
 from tests.mapq.labelled import draw_patches
 from tests.mapq.perturb.scenes import pose_at
@@ -30,11 +29,6 @@ def test_the_disagreement_of_a_patch_is_the_median_of_what_is_known():
     metres = np.array([0.1, 0.2, 0.3, np.nan, np.nan, np.nan, 0.5, 0.7, 0.9, 4.0])
     patches = replace(patches, cloud=patches.cloud.with_fields(disagreement=metres))
     np.testing.assert_allclose(real_data.disagreement_of(patches), [0.2, np.nan, 0.8])
-
-
-def test_sub_maps_alone_are_plausible():
-    patches = real_data.plausible(make_patches([np.zeros((4, 3))], np.eye(3)[:1]))
-    assert patches.label.tolist() == [PLAUSIBLE]
 
 
 def test_errors_of_a_pair_have_the_given_size():
@@ -166,22 +160,6 @@ def test_the_strip_is_in_metres_whatever_unit_the_cloud_has():
     assert parts.test.metric_of(parts.test.xyz)[:, 0].min() >= parts.strip[1]
 
 
-def test_the_axis_may_be_chosen_and_points_without_coordinates_go():
-    cloud = street()
-    cloud.xyz[7] = np.nan
-    parts = split_by_place(cloud, 0.5, 2.0, axis=1)
-    assert parts.axis == 1
-    assert 7 not in {*parts.train.fields["number"], *parts.test.fields["number"]}
-
-
-def test_a_buffer_as_wide_as_the_map_is_refused():
-    with pytest.raises(InputError, match=r"street: 19\d m long, a buffer of 250 m leaves no two parts"):
-        split_by_place(street(), 0.3, 250.0)
-    nothing = PointCloud.from_world(np.full((3, 3), np.nan), source="none")
-    with pytest.raises(InputError, match="none: no point"):
-        split_by_place(nothing, 0.3, 1.0)
-
-
 def cloud_of(xyz: np.ndarray) -> PointCloud:
     return PointCloud(np.asarray(xyz, np.float64), np.zeros(3))
 
@@ -217,39 +195,6 @@ def test_a_doubled_surface_has_more_of_both():
     assert clean.mean_map_entropy < double.mean_map_entropy
     assert clean.mean_plane_variance == pytest.approx(0.02**2, rel=0.1)
     assert double.mean_plane_variance == pytest.approx(0.1**2 + 0.02**2, rel=0.1)
-
-
-def test_order_shift_and_missing_points_change_nothing():
-    xyz = sheet()
-    found = map_metrics(cloud_of(xyz))
-    order = np.random.default_rng(2).permutation(len(xyz))
-    assert map_metrics(cloud_of(np.vstack([xyz[order], np.full((3, 3), np.nan)]))) == found
-    far = replace(cloud_of(xyz), shift=np.array([5e5, 5e6, 0.0]))
-    assert map_metrics(far) == found
-
-
-def test_a_sample_stands_for_all(monkeypatch):
-    from benchmarks import map_metrics as metrics
-
-    every = map_metrics(cloud_of(sheet()))
-    monkeypatch.setattr(metrics, "SAMPLE", 500)
-    some = map_metrics(cloud_of(sheet()))
-    assert (every.n_asked, some.n_asked, some.n_points) == (4000, 500, 4000)
-    assert some.mean_map_entropy == pytest.approx(every.mean_map_entropy, abs=0.05)
-
-
-@pytest.mark.parametrize("xyz", [np.zeros((0, 3)), np.zeros((9, 3)), np.eye(3), sheet(noise=0.0)])
-def test_what_has_no_entropy_is_nan(xyz):
-    found = map_metrics(cloud_of(xyz))
-    assert np.isnan(found.mean_map_entropy)
-    assert np.isnan(found.mean_plane_variance)
-    assert found.n_used == 0
-
-
-@pytest.mark.parametrize("radius", [0.0, -1.0, float("nan"), float("inf")])
-def test_a_radius_that_is_none(radius):
-    with pytest.raises(UsageError, match="above 0"):
-        map_metrics(cloud_of(sheet(50)), radius)
 
 
 def repeat(*runs: tuple[int, int]) -> np.ndarray:
@@ -289,23 +234,3 @@ def test_the_threshold_is_strict() -> None:
     patch, truth = repeat((0, 75), (-1, 25)), repeat((0, 100))
     assert score_segmentation(patch, truth).n_matched == 0
     assert score_segmentation(patch, truth, 0.5).n_matched == 1
-
-
-def test_no_patches_have_no_precision() -> None:
-    assert np.isnan(score_segmentation(repeat((-1, 5)), repeat((0, 5))).precision)
-
-
-def test_bad_truth_is_refused() -> None:
-    with pytest.raises(InputError, match="every number is negative"):
-        score_segmentation(repeat((0, 5)), repeat((-1, 5)))
-    with pytest.raises(InputError, match="one of each a point"):
-        score_segmentation(repeat((0, 5)), repeat((0, 4)))
-    fields = {"plane": np.array([0.0, 1.5]), "pair": np.zeros((2, 2))}
-    cloud = PointCloud(np.zeros((2, 3)), np.zeros(3), fields, source="x.ply")
-    with pytest.raises(InputError, match="no field 'walls'; it has: plane, pair"):
-        truth_of(cloud, "walls")
-    with pytest.raises(InputError, match="must hold whole numbers"):
-        truth_of(cloud, "plane")
-    with pytest.raises(InputError, match="not one number a point"):
-        truth_of(cloud, "pair")
-    assert truth_of(cloud.with_fields(plane=np.array([2.0, -1.0])), "plane").tolist() == [2, -1]
