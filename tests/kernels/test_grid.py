@@ -8,8 +8,6 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from prf.kernels import constants as c
 from prf.kernels.state.cell_lists import first_segments, list_segments
@@ -173,22 +171,6 @@ def test_segments_that_cross_share_a_cell(grid: Grid, kinds: tuple[str, str]) ->
             n_crossing += 1
             assert set(in_one) & set(in_two), (p, q)
     assert n_crossing > (500 if kinds == ("corner", "corner") else 0)
-
-
-coordinate = st.one_of(
-    st.integers(0, 40).map(lambda k: k / 4.0),
-    st.floats(0.0, 10.0),
-    st.sampled_from([0.0, 5e-324, 1e-17, 3.0 - 1e-15, np.nextafter(3.0, 0.0), np.nextafter(3.0, 9.0), 10.0]),
-)
-
-
-@given(st.tuples(coordinate, coordinate, coordinate, coordinate))
-def test_any_segment_at_all(ends: tuple[float, float, float, float]) -> None:
-    grid = Grid(0.0, 0.0, 1.0, 10, 10)
-    segment = np.array([ends])
-    (cells,) = walks(grid, segment)
-    assert clip(grid, segment[0], HAIR) <= set(cells)
-    assert len(cells) <= most_cells(grid)
 
 
 @pytest.mark.parametrize("cell", [0.1, 0.25, 1.0, 7.0, 50.0])

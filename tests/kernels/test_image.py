@@ -57,16 +57,6 @@ def test_recolouring_turns_the_centres_inside() -> None:
         assert np.array_equal(image.black.astype(bool), black)
 
 
-def test_recolouring_up_to_the_border_misses_no_pixel() -> None:
-    image = empty_image(Window(0.0, 0.0, 4.0, 3.0), 0.5)
-    whole = np.array([[0.0, 0.0], [4.0, 0.0], [4.0, 3.0], [0.0, 3.0]])
-    recolor(image, whole, 0)
-    assert image.black.all()
-    recolor(image, np.array([[0.0, 0.0], [4.0, 0.0], [0.0, 3.0]]), 1)
-    recolor(image, np.array([[4.0, 0.0], [4.0, 3.0], [0.0, 3.0]]), 1)
-    assert not image.black.any()
-
-
 @pytest.mark.parametrize("resolution", [0.17, 0.5, 3.0])
 def test_edges_are_counted_in_the_squares_that_they_pass(resolution: float) -> None:
     for coloring in exact_draws(0.8, ODD, 5, np.random.default_rng(23)):
@@ -105,9 +95,3 @@ def test_times_add_up_whatever_the_order_of_settling() -> None:
     assert np.array_equal(image.black_time, black_time)
     assert np.array_equal(image.mixed_time, mixed_time)
     assert 0 < mixed_time.min() <= mixed_time.max() < 399
-
-
-def test_no_resolution_keeps_no_image() -> None:
-    coloring = Coloring.empty(ODD)
-    image = make_image(coloring, make_graph(coloring, 16), None)
-    assert image.black.size == image.n_edges.size == 0

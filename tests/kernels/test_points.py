@@ -87,22 +87,6 @@ def test_a_lattice_is_taken_by_rows_and_scattered_points_are_not() -> None:
     assert 5 <= loose.band.shape[1] <= 20
 
 
-def test_four_points_a_row_in_the_mean_are_taken_by_rows() -> None:
-    xy = np.column_stack([np.tile(np.arange(4.0), 9), np.repeat(np.arange(9.0) ** 2, 4)])
-    assert make_points(xy, np.zeros((36, 2))).band[k.FIRST].tolist() == list(range(0, 37, 4))
-    loose = make_points(xy[1:], np.zeros((35, 2)))
-    assert loose.band[k.FIRST, 1] > 4
-
-
-def test_bands_of_scattered_points_are_equally_high() -> None:
-    """About as many as half the root of the points, wherever the window lies."""
-    xy = np.column_stack([np.zeros(110), np.linspace(-30.0, -20.0, 110)])
-    _, low, high = make_points(xy, np.zeros((110, 2))).band[:, :-1]
-    assert len(low) <= 7
-    assert (high - low).max() < 10.0 / 6.0
-    assert (np.diff(low)[:-1] > 0.9 * 10.0 / 6.0).all()
-
-
 def test_the_likelihood_takes_each_value_in_the_colour_of_its_place() -> None:
     """Log densities that are all different, so that no other choice of them has the same sum."""
     density = np.array([[1.0, 0.1], [2.0, 0.02], [4.0, 0.004], [8.0, 0.0008]])
@@ -132,16 +116,6 @@ def test_gains_and_colours_are_those_of_asking_every_point(name: str) -> None:
     after = points.column.copy()
     paint(points, black)
     assert np.array_equal(points.column, after), "turning there and back leaves no rounding behind"
-
-
-@pytest.mark.parametrize("name", ["lattice", "scattered"])
-def test_a_loop_round_the_window_turns_all(name: str) -> None:
-    rng = np.random.default_rng(33)
-    points = points_on(LAYOUTS[name](rng), rng)
-    before, total = points.column[k.BLACK].copy(), points.column[k.GAIN].sum()
-    whole = np.array([[-5.0, -5.0], [5.0, -5.0], [5.0, 5.0], [-5.0, 5.0]])
-    assert gain(points, whole, True) == pytest.approx(total)
-    assert np.array_equal(points.column[k.BLACK], 1.0 - before)
 
 
 def test_no_points_gain_nothing() -> None:

@@ -321,20 +321,6 @@ def test_readings_at_the_maximum_range_or_beyond_are_one_event() -> None:
     assert len(set(found.tolist())) == 1
 
 
-def test_a_cone_of_one_degree_sees_what_a_beam_meets() -> None:
-    narrow = AHEAD._replace(view=math.radians(1.0))
-    (wall,) = seen(scene(WALL), narrow)
-    assert wall == pytest.approx((2.0, math.pi / 2, math.radians(1.0), False))
-
-
-def test_a_cone_of_170_degrees_sees_walls_beside_it() -> None:
-    wide = Cone(1.0, 4.0, 0.0, math.radians(170.0))
-    beside = scene([(0.5, 5.0), (6.0, 5.0), (6.0, 5.5), (0.5, 5.5)])
-    (wall,) = seen(beside, wide)
-    assert wall.depth == pytest.approx(1.0 / math.cos(math.radians(5.0)))
-    assert wall.projection == pytest.approx(math.radians(85.0))
-
-
 def test_the_slow_twin_draws_what_its_density_says() -> None:
     ring, rng = Ring(3.5, 0.3, 0.02), np.random.default_rng(7)
     features = [Feature(0.4, 1.3, 0.2, False), Feature(1.0, 0.0, 0.0, True), Feature(3.3, 1.5, 0.3, False)]

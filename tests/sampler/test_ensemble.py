@@ -73,10 +73,6 @@ def test_a_fifth_chain_leaves_the_first_four_alone_until_they_aim_by_what_all_of
     assert not np.array_equal(*aims)
 
 
-def test_chains_differ_from_one_another(four: Ensemble) -> None:
-    assert len({found["vertices"] for found in digests(four)}) == 4
-
-
 def test_the_sample_holds_what_the_chains_recorded_after_burn_in(four: Ensemble) -> None:
     sample = four.sample()
     assert four.step == 30_000
@@ -151,17 +147,6 @@ def test_occupancy_is_unknown_outside_the_window() -> None:
         assert np.isnan(share[:, 4]).all()
         assert np.isnan(share[3]).all()
         assert np.isfinite(share[:3, :4]).all()
-
-
-def test_the_prior_alone_is_black_half_of_the_time() -> None:
-    sampler = Ensemble(
-        Target(Window(0.0, 0.0, 1.0, 1.0), 1.0, execution=Execution(resolution=0.25)), spawn_generators(2, 4)
-    )
-    for _ in range(40):
-        advance(sampler)
-    black, mixed = sampler.occupancy()
-    assert np.abs(black - 0.5).max() < 0.15
-    assert mixed.min() > 0.6
 
 
 def test_disagreement_is_the_largest_difference_of_two_chains(four: Ensemble) -> None:

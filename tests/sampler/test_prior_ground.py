@@ -303,7 +303,3 @@ def test_the_white_start_is_forgotten() -> None:
     z_edges = (edges.mean() - (4.0 + 4.0 * np.pi)) / (edges.std(ddof=1) / np.sqrt(60))
     assert abs(z_black) < 4.0
     assert abs(z_edges) < 4.0
-
-
-def test_no_draws_are_none() -> None:
-    assert len(mcmc_draws(1.0, UNIT, 0)[0]) == 0

@@ -212,12 +212,3 @@ def test_laying_out_anew_changes_orders_and_roundings_alone(world: World) -> Non
 def test_blocks_grow_with_the_beams() -> None:
     lengths = [prf.sampler.chain.block_length(n) for n in (0, 10_000, 10_001, 40_000, 1_000_000)]
     assert lengths == [10_000, 10_000, 20_000, 40_000, 40_000]
-
-
-def test_a_sampler_starts_at_the_given_map(world: World) -> None:
-    target = Target(ROOM, 0.2, world.data, execution=Execution(resolution=0.5))
-    at_truth = ChainRun(target, np.random.default_rng(5), PROBES, world.coloring)
-    assert at_truth.chain.graph.counts[c.EDGES] == world.coloring.n_edges
-    at_white = ChainRun(target, np.random.default_rng(5), PROBES)
-    assert at_white.chain.graph.counts[c.EDGES] == 0
-    assert at_white.step == at_truth.step == 0

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from prf.kernels import constants as c
-from prf.kernels.state.frozen import confine, release
 from prf.model.coloring import Coloring, violations
 from prf.model.layout import read_coloring
 from prf.model.window import Window
@@ -55,17 +54,6 @@ def test_what_lies_outside_of_a_region_stays(target: Target) -> None:
         assert not violations(after)
         changed += points_of(before) != points_of(after)
     assert changed > 3
-
-
-def test_a_region_gives_back_every_set(target: Target) -> None:
-    rng = np.random.default_rng(4)
-    chain = run_chain(make_chain(target, Coloring.empty(ROOM)), rng, 30_000)
-    before = [set(chain.graph.members[kind, : chain.graph.counts[kind]].tolist()) for kind in range(c.N_SETS)]
-    frozen = np.empty(len(chain.graph.edge_length), np.int32)
-    n = confine(chain.graph, Regions(chain).tuning(chain, 5), frozen)
-    assert 0 < n == len(before[c.EDGES]) - chain.graph.counts[c.EDGES]
-    release(chain.graph, frozen, n)
-    assert before == [set(chain.graph.members[kind, : chain.graph.counts[kind]].tolist()) for kind in range(c.N_SETS)]
 
 
 def test_turns_depend_on_the_step_alone(target: Target) -> None:

@@ -41,7 +41,7 @@ from tests.reference.slow_points import Flips, Normal, lattice, observe
 from tests.reference.slow_points import log_likelihood as point_log_likelihood
 from tests.reference.slow_sonar import Cone, Ring, features, reach_in
 from tests.reference.slow_sonar import log_likelihood as sonar_log_likelihood
-from tests.reference.sonar_worlds import data_of, draw_data, draw_sonar_world, ring_all_round
+from tests.reference.sonar_worlds import draw_data, draw_sonar_world, ring_all_round
 from tests.reference.worlds import draw_world
 from tests.sampler.frames import first, maps_of, means_of, mirrored, reordered, scaled, shifted, turned
 
@@ -220,18 +220,6 @@ def test_the_first_map_has_the_colour_that_points_prefer_if_no_sensor_forbids() 
         assert one_colour_map(Target(ROOM, 0.2, points=points)).anchor_black == black
         assert not one_colour_map(Target(ROOM, 0.2, world.data, points=points)).anchor_black
     assert not one_colour_map(Target(ROOM, 0.2)).anchor_black
-
-
-def test_cells_follow_the_scale_for_sonar_too() -> None:
-    sonar = data_of(Ring(), [Cone(5.0, 5.0, 0.0, 0.3)], np.ones(1))
-    assert Target(ROOM, 0.1, sonar=sonar).cell_size() == pytest.approx(0.4)
-
-
-def test_no_readings_give_no_likelihood() -> None:
-    chain = make_chain(Target(UNIT, 1.0), exact_draws(1.0, UNIT, 1, np.random.default_rng(8))[0])
-    run(chain, np.random.default_rng(9), 5000)
-    assert chain.graph.sums[c.LOG_LIKELIHOOD] == 0.0
-    assert chain.image.black.size == 0
 
 
 # Readings in another order, place, direction or unit: the same posterior, where arithmetic allows the same draws.

@@ -30,7 +30,6 @@ from prf.sampler.target import (
     exchanged,
     make_chain,
     occupied_cost,
-    penalised_log_likelihood,
     repaint,
     with_map,
 )
@@ -83,13 +82,6 @@ def test_what_follows_from_the_maps_still_does_after_swaps(target: Target, lowes
             assert differences(each) == structural_faults(each) == []
             assert each.graph.counts[c.STEP] == sampler.step
         assert all(each.image.black.size == 0 for each in chain.ladder.hot)
-
-
-def test_no_draw_of_the_cold_chain_has_an_occupied_sensor(target: Target, world: World) -> None:
-    sampler = tempered(target, LadderPlan(4, 0.0))
-    assert len(sampler.sample().draws) == 10
-    for coloring in sampler.sample().draws:
-        assert not black_at(coloring, world.data.readings.origin).any()
 
 
 def test_times_of_the_image_are_those_of_the_cold_chain(target: Target, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -199,16 +191,6 @@ def test_a_repainted_image_has_the_colours_of_the_map(window: Window, resolution
         assert differences(placed) == []
 
 
-def test_powers_range_from_one_to_the_hottest() -> None:
-    assert LadderPlan(5, 0.1).first_powers()[[0, -1]] == pytest.approx([1.0, 0.1])
-    full = LadderPlan(5, 0.0).first_powers()
-    assert full[0] == 1.0
-    assert full[-1] == 0.0
-    assert (np.diff(full) < 0.0).all()
-    assert LadderPlan(2, 0.0).first_powers().tolist() == [1.0, 0.0]
-    assert LadderPlan(2).first_powers() == pytest.approx([1.0, 0.9])
-
-
 @pytest.mark.parametrize("lowest", [0.05, 0.0])
 def test_even_powers_divide_a_known_barrier(lowest: float) -> None:
     """A barrier of 3 log(1/power): evenly refused where the logarithms are evenly spaced."""
@@ -254,13 +236,6 @@ def test_the_cost_of_a_sensor_is_what_its_readings_are_worth(target: Target) -> 
     peak = 1.0 / (math.sqrt(2.0 * math.pi) * 0.03)
     assert occupied_cost(target, 2) == pytest.approx(30 * math.log1p(peak * 6.0 / 0.05))
     assert occupied_cost(Target(ROOM, 0.2), 0) == 5.0
-
-
-def test_energy_counts_occupied_sensors(target: Target) -> None:
-    chain = make_chain(target, Coloring.empty(ROOM))
-    assert penalised_log_likelihood(chain, math.inf) == chain.graph.sums[c.LOG_LIKELIHOOD]
-    chain.graph.counts[c.OCCUPIED] = 2
-    assert penalised_log_likelihood(chain, 7.0) == pytest.approx(chain.graph.sums[c.LOG_LIKELIHOOD] - 14.0)
 
 
 WAITING = LadderPlan(3, waits=True)

@@ -225,12 +225,6 @@ class TestGrid:
         )
         assert contours_of(grid_of(np.full((3, 3), 0.5))).is_empty
 
-    def test_contours_of_noise_are_valid(self) -> None:
-        for seed in range(5):
-            found = contours_of(random_grid(seed, (60, 80)))
-            assert found.is_valid
-            assert found.area > 0.0
-
 
 class TestHoldOut:
     def log(self, **options: object) -> Readings:

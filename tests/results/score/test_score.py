@@ -11,9 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from prf.kernels.state.cell_lists import SegmentLists
 from prf.model.coloring import Coloring, Draws, from_polygons, occupied_polygons
-from prf.model.sensors import LaserModel
 from prf.model.window import Window
 from prf.readings import Readings
 from prf.results import PosteriorImage
@@ -126,27 +124,6 @@ def test_first_edges_agree_with_shapely(seed: int) -> None:
     expected = impacts(coloring, beams.origin, np.arctan2(*beams.direction.T[::-1]), 12.0)
     found = first_edges(beams.rays(WINDOW), coloring.segments(), WINDOW)
     np.testing.assert_allclose(found, expected, rtol=1e-9)
-
-
-def test_compiled_and_plain_python_agree(monkeypatch: pytest.MonkeyPatch) -> None:
-    from prf.results.score import scene
-
-    coloring, beams = random_draws(4, 1)[0], random_beams(4, WINDOW, 30)
-    compiled = first_edges(beams.rays(WINDOW), coloring.segments(), WINDOW)
-    monkeypatch.setattr(scene, "first_segments", every_edge)
-    np.testing.assert_array_equal(first_edges(beams.rays(WINDOW), coloring.segments(), WINDOW), compiled)
-
-
-def every_edge(lists: SegmentLists, _: object, rays: np.ndarray, *rest: np.ndarray) -> None:
-    """Distances by asking every edge, in the arithmetic of the kernels."""
-    from tests.kernels.entries import hit_table
-
-    segments, (_, limit, _, found, distance) = lists.segments, rest
-    table = np.empty((len(rays), len(segments)))
-    hit_table(rays[:, :4].copy(), segments, table)
-    nearest = table.min(axis=1)
-    found[:] = np.where(nearest < limit, table.argmin(axis=1), -1)
-    distance[:] = nearest
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -341,7 +318,3 @@ class TestHoldOut:
         found = score(DrawsMap(Draws.from_colorings([coloring]), None), held([2.0, 5.0], [0.0], [5.0]), 1)
         assert math.isnan(found["within_0.2m"])
         assert math.isfinite(found["beam_nll"])
-
-    def test_the_model_is_that_of_the_options(self) -> None:
-        beams = held([1.0, 1.0], [0.0], [1.0], noise=0.1, noise_relative=0.02, miss_probability=0.1)
-        assert beams.model == LaserModel(8.0, 0.1, 0.02, 0.05, 0.1)

@@ -90,10 +90,6 @@ class TestCells:
         assert cells.xy[:, 0].max() < 6.3
         assert (~cells.occupied).sum() == 60 * 80
 
-    def test_a_window_may_be_missing(self) -> None:
-        cells = true_cells(OccupiedArea(shapely.box(0, 0, 3, 3) - shapely.box(1, 1, 2, 2), None), None, None)
-        assert (len(cells.xy), int(cells.occupied.sum())) == (900, 800)
-
     @pytest.mark.parametrize("has_window", [True, False])
     def test_cells_whose_middle_lies_beyond_the_window_do_not_count(self, has_window: bool) -> None:
         window = Window(-1.0, 2.0, 3.03, 5.04)
@@ -105,12 +101,6 @@ class TestCells:
             found = score(PolygonMap(plan), None, cells=cells)
             assert (found["iou_occupied"], found["iou_free"], found["cell_brier"]) == (1.0, 1.0, 0.0)
         assert len(true_cells(plan, None, None).xy) == 40 * 30
-
-    def test_a_beam_that_leaves_the_window_sees_no_cell_beyond(self) -> None:
-        cells = true_cells(
-            OccupiedArea(WALL, Window(0.0, 0.0, 10.0, 7.53)), beams_from(2.0, 4.0, [0.5 * math.pi]), None
-        )
-        assert cells.xy[:, 1].max() == pytest.approx(7.45)
 
     def test_what_has_no_cells(self) -> None:
         with pytest.raises(InputError, match="less than a cell"):
