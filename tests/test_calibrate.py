@@ -16,10 +16,8 @@ from prf.calibrate import (
     Family,
     calibrate_laser,
     calibrate_sonar,
-    fit,
     laser_density,
     loss_at,
-    penalised,
     read_known_map,
     sonar_density,
 )
@@ -85,11 +83,6 @@ def some_points(family: Family, seed: int) -> list[np.ndarray]:
     return [start, *(start + family.width() * rng.normal(size=len(start)) for _ in range(4))]
 
 
-def test_the_scale_of_the_fit_and_back() -> None:
-    values = {"noise": 0.2, "noise_relative": 0.03, "outlier_probability": 0.3, "miss_probability": 0.1}
-    assert LASER.natural(LASER.to_scale(values)) == pytest.approx(values)
-
-
 def test_sonar_losses_are_those_of_the_slow_twin() -> None:
     rng, family = np.random.default_rng(1), sonar_fit(sonar_log(5, 3)).family
     coloring = random_office(ROOM, 8, 6, rng)
@@ -151,19 +144,6 @@ def test_a_laser() -> None:
     z = z_scores(found, LASER_TRUTH)
     assert np.abs(z).max() < 4.0, dict(zip(found.family.default, z, strict=True))
     assert found.informed.all()
-
-
-def test_the_fit_is_a_minimum() -> None:
-    rng = np.random.default_rng(6)
-    distance = np.where(rng.random(500) < 0.2, np.inf, rng.uniform(0.5, 7.0, 500))
-    reading = np.where(np.isfinite(distance), np.abs(distance + 0.05 * rng.normal(size=500)), np.inf)
-    reading = np.where(rng.random(500) < 0.1, 8.0 * rng.random(500), reading)
-    density = laser_density(reading, distance, np.full(500, 8.0), 8.0)
-    best, converged = fit(LASER, density)
-    assert converged
-    least = penalised(LASER, density, best)
-    for _ in range(50):
-        assert penalised(LASER, density, best + 0.03 * rng.normal(size=4)) > least - 1e-6
 
 
 def test_readings_of_the_defaults_leave_the_defaults() -> None:

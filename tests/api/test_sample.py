@@ -181,15 +181,6 @@ def test_an_interrupt_may_raise_after_the_run_is_written(tmp_path: Path) -> None
     assert prf.read_run(tmp_path / "room").manifest["status"] == "interrupted"
 
 
-def test_a_second_interrupt_acts_at_once() -> None:
-    def twice(_: prf.Session) -> None:
-        signal.raise_signal(signal.SIGINT)
-        signal.raise_signal(signal.SIGINT)
-
-    with pytest.raises(KeyboardInterrupt):
-        prf.sample(room(), PRIOR, seconds=300.0, watch=twice, **HOW)
-
-
 def test_a_settings_file_is_read_and_arguments_win(tmp_path: Path) -> None:
     (tmp_path / "site.toml").write_text("[prior]\nscale = 0.3\n[laser]\nnoise = 0.07\nmax_range = 8.0\n")
     run = prf.sample(room(), PRIOR, config=tmp_path / "site.toml", steps=100, **HOW)
@@ -197,21 +188,6 @@ def test_a_settings_file_is_read_and_arguments_win(tmp_path: Path) -> None:
     assert (used["scale"], used["noise"], used["max_range"]) == (0.2, 0.07, 8.0)
     with pytest.raises(ValueError, match=r"^scale = -1\.0: must be above 0"):
         prf.sample(room(), prf.Prior(scale=-1.0), steps=100, **HOW)
-
-
-def test_the_driven_way_is_free_by_its_radius(run: prf.Run) -> None:
-    """Two poses 4.5 m apart are two places."""
-    assert run.manifest["configuration"]["driven_radius"] == 0.1
-    assert run.way.tolist() == [[1.0, 1.0, 1.0, 1.0], [5.0, 3.0, 5.0, 3.0]]
-    model = prf.LaserModel(max_range=9.0)
-    wide = prf.sample(room(), PRIOR, model, steps=20_000, driven_radius=0.6, **HOW)
-    places = shapely.points(wide.way[:, :2])
-    for draw in wide.draws:
-        edges = shapely.linestrings(draw.segments().reshape(-1, 2, 2))
-        assert shapely.distance(edges[:, None], places).min(initial=9.0) > 0.6
-    assert len(prf.sample(room(), PRIOR, model, steps=10_000, driven_radius=0.0, **HOW).way) == 0
-    with pytest.raises(ValueError, match=r"^driven_radius = -1\.0: must be at least 0"):
-        prf.sample(room(), PRIOR, model, steps=10_000, driven_radius=-1.0, **HOW)
 
 
 def test_uncertain_poses_take_nothing_from_the_way_unless_asked() -> None:

@@ -11,7 +11,7 @@ from prf.configuration import LaserPhysics
 from prf.model.arak import exact_draws
 from prf.model.window import Window
 from prf.shell.errors import ArgumentError
-from prf.simulate import World, office, simulate_laser
+from prf.simulate import World, office
 from prf.simulate.sensors import bearings_of, cast, measure
 from tests.reference.beams import Sensor, density, mass_of_no_return
 from tests.reference.slow_laser import first_wall
@@ -140,13 +140,6 @@ def test_a_slightly_wrong_scanner_does_not_follow_it(change: dict[str, float]) -
     sensor = Sensor(30.0, 0.03, 0.0)
     wrong = physics_of(sensor).replace(**change)
     assert worst_z(measure(np.full(N, 4.0), wrong, np.random.default_rng(6)), sensor, 4.0) > BOUND
-
-
-def test_nothing_to_see() -> None:
-    physics = LaserPhysics(beams=5, outlier_probability=0.0)
-    none = np.zeros((0, 4))
-    assert np.isinf(simulate_laser(none, np.zeros((2, 3)), physics, np.random.default_rng(1))).all()
-    assert simulate_laser(SQUARE, np.zeros((0, 3)), physics, np.random.default_rng(1)).shape == (0, 5)
 
 
 def test_scanners_that_there_cannot_be_are_refused() -> None:

@@ -32,12 +32,6 @@ def test_maps_of_prf_are_read_exactly(tmp_path: Path) -> None:
         assert edge_set(world.coloring()) == edge_set(coloring)
 
 
-def test_the_demo_office(data_dir: Path) -> None:
-    world = read_world(data_dir / "demo-office.geojson")
-    assert world.window == (-1.0, -1.0, 23.0, 15.0)
-    assert world.free_at([(11.0, 7.0), (2.3, 2.1)]).tolist() == [True, False]
-
-
 def test_polygons_of_another_program_get_a_window(tmp_path: Path) -> None:
     region = MultiPolygon([box(0.0, 0.0, 4.0, 0.2), box(0.0, 1.0, 4.0, 1.2)])
     (tmp_path / "map.json").write_text(json.dumps(shapely.geometry.mapping(region)))

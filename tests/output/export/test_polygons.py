@@ -6,7 +6,6 @@ import dataclasses
 import importlib.util
 import io
 import json
-import math
 import re
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
@@ -14,15 +13,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given
-from hypothesis import strategies as st
 
-from prf.model.arak import exact_draws
 from prf.model.coloring import (
     Coloring,
     Draws,
     black_areas,
-    black_at,
     from_polygons,
     occupied_polygons,
     oriented_polygons,
@@ -33,7 +28,7 @@ from prf.output.export.cells import WALL, cut_to_known
 from prf.output.export.drawings import dxf_text, paper_ratio, svg_text
 from prf.output.export.export import _counts as counts
 from prf.output.export.netcdf import align_chains
-from prf.output.export.source import Map, read_source
+from prf.output.export.source import Map
 from prf.output.run import Run
 from prf.results import PosteriorImage, map_text, read_map_feature, write_run
 from prf.shell.errors import InputError
@@ -82,16 +77,6 @@ def test_geojson_is_valid_oriented_and_read_again(coloring: Coloring, tmp_path: 
         map(sorted, coloring.xy[coloring.edges].tolist())
     )
     assert (read.anchor_black, properties["log_posterior"]) == (coloring.anchor_black, -1.5)
-
-
-@given(st.integers(0, 2**32 - 1))
-def test_any_map_of_the_prior_is_valid_and_coloured_right(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    coloring = exact_draws(0.3, WINDOW, 1, rng)[0]
-    area = oriented_polygons(coloring)
-    assert shapely.is_valid(area)
-    xy = rng.uniform(WINDOW[:2], WINDOW[2:], (50, 2))
-    np.testing.assert_array_equal(shapely.contains_xy(area, xy), black_at(coloring, xy))
 
 
 def test_holes_are_kept_and_counted() -> None:
@@ -168,12 +153,6 @@ def test_dxf_keeps_coordinates_to_the_last_bit() -> None:
     }
     lines = document.modelspace().query('LWPOLYLINE[layer=="OCCUPIED"]')
     assert {(float(x), float(y)) for line in lines for x, y in line.get_points("xy")} == written
-
-
-def test_polygons_of_another_program_get_a_metre_of_window_round_them(tmp_path: Path) -> None:
-    spike = shapely.Polygon([(0.0, 0.0), (10.0, 1.0), (0.0, 2.0)])
-    (tmp_path / "spike.geojson").write_text(json.dumps(shapely.geometry.mapping(spike)))
-    assert read_source(tmp_path / "spike.geojson").choose_map(None).coloring.window == (-1.0, -1.0, 11.0, 3.0)
 
 
 # Polygons end where nothing is known.
@@ -287,29 +266,6 @@ def test_sample_stats_and_provenance(exported: tuple[Run, Path]) -> None:
         assert (root.attrs["seed"], root.attrs["steps"]) == (str(2**70), 5000), "too large for a number of netCDF"
         assert json.loads(root.attrs["configuration"]) == {"scale": 0.1}
         assert root.attrs["n_draws_left_out"] == 2
-
-
-@pytest.mark.parametrize(
-    ("value", "written"),
-    [
-        (True, "true"),
-        ("\udcff", "\\udcff"),
-        ({"a": [math.nan, "\udcff"]}, '{"a": [null, "\\udcff"]}'),
-        (2**70, str(2**70)),
-        (1.5, 1.5),
-        (7, 7),
-    ],
-)
-def test_attributes_that_the_format_does_not_take_are_text(tmp_path: Path, value: object, written: object) -> None:
-    run = make_full_run(12)
-    acceptance = {"acceptance": {"split": math.nan}}
-    write_run(tmp_path / "run", dataclasses.replace(run, diagnostics={**run.diagnostics, **acceptance}))
-    path = tmp_path / "run" / "manifest.json"
-    manifest = json.loads(path.read_text())
-    path.write_text(json.dumps({**manifest, "status": value, "created": value}))
-    export_source(tmp_path / "run", str(tmp_path / "a.nc"), Options())
-    with xarray.open_dataset(tmp_path / "a.nc", engine="h5netcdf") as opened:
-        assert opened.attrs["status"] == written
 
 
 @pytest.mark.skipif(importlib.util.find_spec("arviz") is None, reason="ArviZ is not installed")

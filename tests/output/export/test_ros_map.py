@@ -185,7 +185,7 @@ def test_thin_walls_are_seen_with_squares_only(tmp_path: Path) -> None:
     assert 40 <= seen[1] <= 42
 
 
-@pytest.mark.parametrize("name", ["map 1.yaml", "ü.yaml", "1.yaml", "a'b.yaml"])
+@pytest.mark.parametrize("name", ["map 1.yaml", "a'b.yaml"])
 def test_odd_names_are_quoted(folder: Path, tmp_path: Path, name: str) -> None:
     export_source(folder, str(tmp_path / name), Options(format="ros-map"))
     line = (tmp_path / name).read_text().splitlines()[0]

@@ -137,11 +137,6 @@ def test_svg_is_xml_whatever_the_title(tmp_path: Path, words: str) -> None:
     assert ElementTree.parse(tmp_path / "map.svg").getroot().tag.endswith("svg")
 
 
-def test_other_suffixes_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match=r"\.jpg"):
-        render_best(make_run(n_draws=2), tmp_path / "picture.jpg")
-
-
 @pytest.mark.parametrize(("limit", "length"), [(1.0, 1.0), (0.2, 0.2), (9.99, 5.0), (0.0049, 0.002), (50.0, 50.0)])
 def test_round_length(limit: float, length: float) -> None:
     assert round_length(limit) == pytest.approx(length)
@@ -182,15 +177,6 @@ def test_command_draws_figure_1_of_the_paper(inputs: Path) -> None:
     assert picture.shape[1] > 1.7 * picture.shape[0]
     assert render("p10.geojsonl", "--draws", "3") == 0
     pixels(inputs / "p10.png")
-
-
-def test_the_command_overwrites_only_with_force(inputs: Path, capsys: pytest.CaptureFixture) -> None:
-    Path("old.png").write_bytes(b"mine")
-    assert render("run", "-o", "old.png") == 4
-    assert Path("old.png").read_bytes() == b"mine"
-    assert "old.png already exists" in capsys.readouterr().err
-    assert render("run", "-o", "old.png", "-f") == 0
-    pixels(inputs / "old.png")
 
 
 @pytest.mark.parametrize(
