@@ -78,7 +78,15 @@ def free_places(coloring: Coloring, n: int, rng: np.random.Generator) -> np.ndar
     return places[~black_at(coloring, places)]
 
 
-@pytest.mark.parametrize("view", VIEWS, ids=["1 degree", "20 degrees", "60 degrees", "170 degrees"])
+@pytest.mark.parametrize(
+    "view",
+    [
+        pytest.param(VIEWS[0], id="1 degree", marks=pytest.mark.slow),
+        pytest.param(VIEWS[1], id="20 degrees"),
+        pytest.param(VIEWS[2], id="60 degrees", marks=pytest.mark.slow),
+        pytest.param(VIEWS[3], id="170 degrees"),
+    ],
+)
 @pytest.mark.parametrize("ring", RINGS)
 def test_features_and_likelihoods_of_draws_are_the_slow_ones(ring: Ring, view: float) -> None:
     rng = np.random.default_rng(1)

@@ -135,6 +135,10 @@ def test_a_path_is_judged_jointly_not_point_by_point() -> None:
     assert path_free(draws, [[2.5, 5.0]], 0.2) == 0.5
 
 
+def test_a_path_that_leaves_the_window_is_unknown() -> None:
+    assert np.isnan(path_free(random_draws(1, 3), [[0.0, 0.0], [99.0, 0.0]], 0.1))
+
+
 @pytest.mark.parametrize("square", [-1.0, np.nan, np.inf])
 def test_wrong_values_are_named(square: float) -> None:
     draws = random_draws(1, 2)

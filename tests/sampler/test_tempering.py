@@ -30,6 +30,7 @@ from prf.sampler.target import (
     exchanged,
     make_chain,
     occupied_cost,
+    penalised_log_likelihood,
     repaint,
     with_map,
 )
@@ -236,6 +237,13 @@ def test_the_cost_of_a_sensor_is_what_its_readings_are_worth(target: Target) -> 
     peak = 1.0 / (math.sqrt(2.0 * math.pi) * 0.03)
     assert occupied_cost(target, 2) == pytest.approx(30 * math.log1p(peak * 6.0 / 0.05))
     assert occupied_cost(Target(ROOM, 0.2), 0) == 5.0
+
+
+def test_energy_counts_occupied_sensors(target: Target) -> None:
+    chain = make_chain(target, Coloring.empty(ROOM))
+    assert penalised_log_likelihood(chain, math.inf) == chain.graph.sums[c.LOG_LIKELIHOOD]
+    chain.graph.counts[c.OCCUPIED] = 2
+    assert penalised_log_likelihood(chain, 7.0) == pytest.approx(chain.graph.sums[c.LOG_LIKELIHOOD] - 14.0)
 
 
 WAITING = LadderPlan(3, waits=True)
