@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import numba
 import numpy as np
+import pytest
 
 from prf.kernels._jit import core_entry
 from prf.kernels.readings.laser import beam_log_likelihood
@@ -24,6 +26,10 @@ from prf.kernels.state.grid import Grid, cell_at, exit_distance, walk
 from prf.kernels.state.image import Image, count_edge, recolor_inside
 from prf.kernels.state.sites import Sites, any_inside, occupied_change
 from prf.kernels.step import choose_move, propose
+
+parts_are_called = pytest.mark.skipif(
+    not numba.config.DISABLE_JIT, reason="calls parts of kernels, which can be called from Python uncompiled alone"
+)
 
 
 @core_entry

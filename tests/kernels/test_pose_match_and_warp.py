@@ -14,10 +14,11 @@ from prf.kernels.poses import warp as w
 from prf.model.coloring import Coloring, black_at, violations
 from prf.model.layout import make_guards, read_coloring
 from prf.readings.ground import way_guards
+from tests.kernels.entries import parts_are_called
 from tests.reference.pose_worlds import BARE, BOTH, DRIVEN, LASER, PoseWorld, Rig, begin, draw_pose_world, scratch
 from tests.reference.recompute import cell_lists, recompute_edge_cells, recompute_log_prior
 
-pytestmark = pytest.mark.uncompiled
+pytestmark = [pytest.mark.uncompiled, parts_are_called]
 
 RIGS = pytest.mark.parametrize("rig", [LASER, DRIVEN, BOTH], ids=["errors", "odometry", "both"])
 

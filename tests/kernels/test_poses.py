@@ -20,6 +20,7 @@ from prf.model.arak import exact_draws
 from prf.model.coloring import black_at
 from prf.model.window import Window
 from prf.sampler.target import Execution, Target, make_chain, poses_of, rays_of, run_chain
+from tests.kernels.entries import parts_are_called
 from tests.reference.beams import Sensor
 from tests.reference.chain_state import structural_faults
 from tests.reference.pose_worlds import BARE, BOTH, DRIVEN, LASER, Rig, begin, draw_pose_world, scratch
@@ -33,6 +34,7 @@ FAR = Rig(n=2, n_beams=40, n_cones=6, sensor=Sensor(5.0), ring=Ring(4.0), window
 """Most beams and cones leave the window."""
 
 
+@parts_are_called
 @pytest.mark.parametrize("rig", [LASER, DRIVEN, BOTH], ids=["errors", "odometry", "both"])
 def test_the_prior_of_poses_is_that_of_the_model(rig: Rig) -> None:
     rng = np.random.default_rng(1)
@@ -92,6 +94,7 @@ def placed(target: Target, pose: np.ndarray) -> Target:
     )
 
 
+@parts_are_called
 def test_a_place_is_white_where_the_map_is() -> None:
     rng, room = np.random.default_rng(3), Window(-3.0, 1.0, 2.0, 4.0)
     for coloring in exact_draws(0.5, room, 12, rng):
@@ -105,6 +108,7 @@ def test_a_place_is_white_where_the_map_is() -> None:
 # What readings gain by new poses, held to a chain made there; and decided early as with all of it.
 
 
+@parts_are_called
 def test_readings_gain_what_a_chain_made_at_the_new_poses_has_more() -> None:
     """But for those that a chain made there would take for readings of another kind."""
     rng = np.random.default_rng(5)
@@ -139,6 +143,7 @@ def by_pose(places: np.ndarray) -> list[np.ndarray]:
     return [np.concatenate(rows) for rows in zip(np.split(beams, FAR.n), np.split(rings, FAR.n), strict=True)]
 
 
+@parts_are_called
 @pytest.mark.parametrize("rig", [LASER, FAR._replace(n_cones=0)], ids=["within", "beyond the window"])
 def test_an_early_decision_is_that_of_all_readings(rig: Rig) -> None:
     rng = np.random.default_rng(6)
@@ -190,6 +195,7 @@ def propose(state: Poses, kind: str, motion: np.ndarray, ends: tuple[int, int]) 
     return state.new_pose[ends[0] : ends[1] + 1].copy()
 
 
+@parts_are_called
 @BOTH_WAYS
 @pytest.mark.parametrize("ends", [(0, 3), (1, 3), (1, 2)])
 def test_a_stretch_is_led_back_by_the_opposite_and_keeps_volume(kind: str, ends: tuple[int, int]) -> None:
@@ -214,6 +220,7 @@ def test_a_stretch_is_led_back_by_the_opposite_and_keeps_volume(kind: str, ends:
     assert np.abs(there - before[stretch]).max() > 0.1
 
 
+@parts_are_called
 def test_stretches_are_drawn_alike_wherever_they_are() -> None:
     """Their place is uniform given their length; the first pose stays where nothing else fixes the frame."""
     rng = np.random.default_rng(2)
