@@ -37,7 +37,7 @@ from mapq.segmentation import STAGES
 from mapq.segmentation import segment as cut
 from prf.shell.cli.console import ProgressCallback, reported
 from prf.shell.cli.outputs import refuse_existing
-from prf.shell.errors import ArgumentError, UsageError
+from prf.shell.errors import ArgumentError
 
 logger = logging.getLogger(__name__)
 
@@ -101,6 +101,8 @@ def read_scans(
     InputError
         If scans or poses are missing, cannot be read, or do not fit.
     """
+    if every < 1:
+        raise ArgumentError(f"every {every}: must be at least 1.")
     chosen = find or FindSettings()
     if poses is not None:
         chosen = chosen.replace(poses=os.fspath(poses))
@@ -136,7 +138,7 @@ def point_cloud(
         raise ArgumentError(f"xyz: has shape {world.shape}, must be (n, 3).")
     if not np.isfinite(world).all(axis=1).any():
         raise ArgumentError("xyz: no point is finite.")
-    if not (np.isfinite(unit) and unit > 0.0):
+    if not (isinstance(unit, int | float) and np.isfinite(unit) and unit > 0.0):
         raise ArgumentError(f"unit {unit}: must be a length above 0, in metres.")
     columns = {name: np.asarray(values) for name, values in (fields or {}).items()}
     for name, values in columns.items():
@@ -228,9 +230,9 @@ def classify(
     Raises
     ------
     ArgumentError
-        If the array is not a cloud, or `max_false_alarms` not a share.
+        If the array is not a cloud, `max_false_alarms` not a share, or `segmentation` given for patches.
     UsageError
-        If the model has no operating points, or segmentation settings are given for patches.
+        If the model has no operating points.
     InputError
         If a file cannot be read, the points make no plane, or the model does not fit this release.
     """
@@ -242,7 +244,7 @@ def classify(
     if not isinstance(found, Patches):
         found = segment(found, segmentation, progress=progress)
     elif segmentation is not None:
-        raise UsageError(f"{origin.name} is segmented already: settings of a segmentation are for clouds.")
+        raise ArgumentError(f"segmentation: {origin.name} is segmented already; settings of it are for clouds.")
     else:
         _warn(found)
     if not isinstance(map, str | os.PathLike):
@@ -330,7 +332,7 @@ def _model(model: Model | Path | None, max_false_alarms: float | None) -> tuple[
         used, origin = read_model(model), Origin(model=name, files=(name,))
     if max_false_alarms is None:
         return used, origin
-    if not 0.0 <= max_false_alarms <= 1.0:
+    if not (isinstance(max_false_alarms, int | float) and 0.0 <= max_false_alarms <= 1.0):
         raise ArgumentError(f"max_false_alarms {max_false_alarms}: must be a share between 0 and 1, such as 0.05.")
     return with_false_alarms(used, max_false_alarms, name), origin
 

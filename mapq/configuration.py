@@ -88,7 +88,7 @@ class ReadOptions(Table):
         """Raise UsageError if anything is given for the PATCHES file `path`, which holds its unit."""
         given = [name for name, value in self if value != getattr(AS_IT_IS, name)]
         if given:
-            raise UsageError(f"{path} is segmented already, and holds its unit. Leave out cloud.{given[0]}.")
+            raise UsageError(f"{path} is segmented already, and holds its unit. Leave out {given[0]}.")
 
 
 AS_IT_IS = ReadOptions()
@@ -136,11 +136,6 @@ class ScanSettings(FindSettings, MergeSettings):
     """How posed scans are read and merged (docs/perturb.md), by segment, classify and perturb."""
 
     every: int = key(1, "", "take scans 0, K, 2K and so on", "K", ge=1)
-
-    @property
-    def are_named(self) -> bool:
-        """Whether anything is set that only scans have."""
-        return (self.poses, self.calibration, self.pattern, self.every, self.submaps) != (None, None, None, 1, False)
 
 
 class SegmentSettings(Table):
@@ -242,7 +237,6 @@ class SimulateSettings(Table):
         "",
         "points of the map, about: beams are left out at random until so many return",
         "N",
-        "by --size",
         ge=100,
         le=10**11,
     )
@@ -286,7 +280,7 @@ class SimulateSettings(Table):
             raise UsageError(f"--size {size} is none of {', '.join(SIZES)}, nor city.")
         found = cls(**{**SIZES[size], **changes})
         if found.n_points > MOST_DRIVEN:
-            raise UsageError(f"n_points {found.n_points:,}: a drive has {MOST_DRIVEN:,} at most. Make a --size city.")
+            raise UsageError(f"--n-points {found.n_points:,}: a drive has {MOST_DRIVEN:,} at most. Make a --size city.")
         return found
 
 

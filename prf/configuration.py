@@ -46,7 +46,7 @@ class Prior(Table):
     window: tuple[float, float, float, float] | None = key(
         None,
         "m",
-        "window of the map: x_min, y_min, x_max, y_max",
+        "window of the map in metres: x_min, y_min, x_max, y_max",
         flag="X0 Y0 X1 Y1",
         unset="all sensors and 99.5 % of the returns + 1 m",
     )
@@ -85,7 +85,9 @@ class ReadingOptions(Table):
         flag="NAME",
         unset="map",
     )
-    poses: str | None = key(None, "", "file of poses, for scans that have none or worse ones", flag="FILE")
+    poses: str | None = key(
+        None, "", "file of poses (TUM, KITTI, g2o, CSV), for scans that have none or worse ones", flag="FILE"
+    )
     pose_mount: tuple[float, float, float] | None = key(
         None, "m, m, rad", "x, y, theta of the laser (of a sonar ring: of the robot) on what the poses are of"
     )

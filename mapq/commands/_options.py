@@ -9,10 +9,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from mapq.configuration import AS_IT_IS, typed_keys
+from prf.shell.cli.files import STREAM
+
 if TYPE_CHECKING:
     from mapq.cloud import PointCloud
-    from mapq.configuration import Configuration, ScanSettings
+    from mapq.configuration import Configuration, ReadOptions
     from mapq.model import Model
+    from prf.shell.cli.settings import Loaded
 
 BAG_FILES = (".yaml", ".db3", ".mcap", ".bag")
 """Suffixes of what is in the folder of a ROS bag."""
@@ -43,15 +47,27 @@ def beside(path: str, suffix: str) -> str:
     return str(file.with_name(file.name.removesuffix(".gz")).with_suffix(suffix))
 
 
-def are_scans(inputs: Sequence[str], settings: ScanSettings) -> bool:
-    """Return whether inputs are scans: by the settings, several files, or a folder that is no map in tiles, nor bag."""
-    if settings.are_named or len(inputs) > 1:
+OF_SCANS = {"poses", "calibration", "pattern", "every", "submaps"}
+"""Keys of [scans] that say, on the command line, that inputs are scans; a file of settings may be for other inputs."""
+
+
+def are_scans(inputs: Sequence[str], settings: Loaded[Configuration]) -> bool:
+    """Return whether inputs are scans: by flags, several files, or a folder of neither tiles of a map nor a bag."""
+    if len(inputs) > 1 or OF_SCANS & set(typed_keys(settings, "scans")):
         return True
     if not os.path.isdir(inputs[0]):
         return False
     from mapq.io.tiles import is_tiled
 
     return not (is_tiled(inputs[0]) or any(each.suffix in BAG_FILES for each in Path(inputs[0]).iterdir()))
+
+
+def cloud_options(file: str, settings: Loaded[Configuration]) -> ReadOptions:
+    """Return what is set for clouds; for PATCHES, which hold it themselves, only what the command line asks for."""
+    from mapq.io import is_patches
+
+    holds_it = file != STREAM and os.path.isfile(file) and is_patches(file)
+    return AS_IT_IS if holds_it and not typed_keys(settings, "cloud") else settings.settings.cloud
 
 
 def default_name(inputs: Sequence[str], suffix: str) -> str:

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mapq.commands._options import ModelFile, are_scans, default_name, load_model, read_scans
-from mapq.configuration import Configuration, parse_share, sources_of, typed_keys
+from mapq.commands._options import ModelFile, are_scans, cloud_options, default_name, load_model, read_scans
+from mapq.configuration import Configuration, TileSettings, parse_share, sources_of, typed_keys
 from prf.shell.cli.console import is_verbose
 from prf.shell.cli.options import Force, Json, Output, with_settings
 from prf.shell.cli.settings import Loaded
@@ -81,6 +81,7 @@ def classify(
     A folder of LAS or LAZ tiles, or any cloud with one of --workers, --scheduler and --tile-points, is worked on tile
     by tile and need not fit into memory. The result of a folder is a folder: tiles of the same names, and result.json.
     """
+    from mapq.io import is_patches
     from mapq.io.results import result_lines
     from mapq.io.tiles import is_tiled
     from mapq.results.result import MIN_COVERAGE
@@ -90,7 +91,11 @@ def classify(
 
     chosen = settings.settings
     limits = fail_over, MIN_COVERAGE if min_coverage is None else min_coverage
-    file, as_scans, in_tiles = inputs[0], are_scans(inputs, chosen.scans), bool(sources_of(settings, "tiles"))
+    file, as_scans = inputs[0], are_scans(inputs, settings)
+    are_patches = not as_scans and file != STREAM and is_patches(file)
+    wants_tiles = bool(typed_keys(settings, "tiles"))
+    # A file of settings may be for other maps, or hold the defaults.
+    in_tiles = wants_tiles or (chosen.tiles != TileSettings() and not as_scans and not are_patches)
     if in_tiles and as_scans:
         raise UsageError("scans are merged in memory, not in tiles. Leave --workers and the like out; see --every.")
     if in_tiles or (is_tiled(file) and not as_scans):
@@ -113,26 +118,26 @@ def _classify(
 ) -> Result:
     """Classify a map in memory, or scans."""
     from mapq.api import classify as label
-    from mapq.api import read_cloud
-    from mapq.api import segment as cut
-    from mapq.io import is_patches, read_patches
+    from mapq.io import is_patches
+    from mapq.io.maps import read_input
     from mapq.io.results import claim_result, json_beside
+    from mapq.patches import Patches
     from prf.shell.cli.files import STREAM
     from prf.shell.cli.outputs import refuse_inputs
 
     file, chosen = inputs[0], settings.settings
-    are_patches = not as_scans and file != STREAM and is_patches(file)
-    if are_patches:
+    if not as_scans and file != STREAM and is_patches(file):
         _refuse_for_patches(file, settings)
     read = [name for name in (*inputs, chosen.scans.poses, model) if name is not None]
     claim_result(target, force)
     refuse_inputs([target, json_beside(target)], [*read, settings.file])
-    if are_patches:
-        patches = read_patches(file)
-    else:
-        patches = cut(read_scans(inputs, chosen) if as_scans else read_cloud(file, chosen.cloud), chosen.segment)
-        patches = dataclasses.replace(patches, report={**patches.report, "sources": sources_of(settings, "segment")})
-    result = label(patches, model, max_false_alarms=chosen.crf.max_false_alarms)
+    found = read_scans(inputs, chosen) if as_scans else read_input(file, cloud_options(file, settings))
+    is_cut = isinstance(found, Patches)
+    wanted = chosen.crf.max_false_alarms
+    result = label(found, model, max_false_alarms=wanted, segmentation=None if is_cut else chosen.segment)
+    if not is_cut:
+        report = {**result.patches.report, "sources": sources_of(settings, "segment")}
+        result = dataclasses.replace(result, patches=dataclasses.replace(result.patches, report=report))
     name = result.origin.name if as_scans else file
     return dataclasses.replace(result, origin=result.origin._replace(name=name, files=tuple(read)))
 

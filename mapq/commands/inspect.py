@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
+from mapq.commands._options import cloud_options
 from mapq.configuration import Configuration
 from prf.shell.cli.console import is_verbose
 from prf.shell.cli.options import Json, with_settings
@@ -44,7 +45,7 @@ def inspect(
     from mapq.io.describe import describe
     from prf.shell.cli import console, storage
 
-    summary = describe(file, settings.settings.cloud)
+    summary = describe(file, cloud_options(file, settings))
     if json:
         storage.emit_object("mapq.inspect/1", storage.jsonable(summary))
     else:

@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 
 import typer
 
+from mapq.commands._options import cloud_options
 from mapq.configuration import Configuration
 from prf.shell.cli.options import Force, Output, with_settings
 from prf.shell.cli.settings import Loaded
@@ -60,7 +61,7 @@ def render(
     target = output or f"{PurePath(file).stem if file != STREAM else 'map'}.png"
     picture_format(target)
     claim_output(target, force, inputs=[file])
-    picture = read_picture(file, colour, field, settings.settings.cloud)
+    picture = read_picture(file, colour, field, cloud_options(file, settings))
     save(picture.draw(("plan", "3d") if view == "both" else (view,)), target)
     if target != STREAM:
         logger.info("wrote %s", target)

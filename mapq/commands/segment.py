@@ -66,7 +66,7 @@ def segment(
     claim_output(
         target, force, inputs=[*clouds, chosen.scans.poses, settings.file], suffixes=(".patches", ".npz"), json=json
     )
-    cloud = read_scans(clouds, chosen) if are_scans(clouds, chosen.scans) else read_cloud(clouds[0], chosen.cloud)
+    cloud = read_scans(clouds, chosen) if are_scans(clouds, settings) else read_cloud(clouds[0], chosen.cloud)
     patches = cut(cloud, chosen.segment)
     report = {**patches.report, "area": float(measure_shapes(patches).area.sum())}
     patches = dataclasses.replace(patches, report={**report, "sources": sources_of(settings, "segment")})

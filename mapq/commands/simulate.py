@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mapq.configuration import Configuration, SimulateSettings, sources_of
+from mapq.configuration import Configuration, SimulateSettings, sources_of, typed_keys
 from prf.shell.cli.options import Force, Json, Output, Seed, with_settings
 from prf.shell.cli.settings import Loaded
 
@@ -27,7 +27,7 @@ CITY, CITY_POINTS = "city", 10_000_000
 """Name of the size that is a folder of tiles, and its default number of points."""
 
 
-@with_settings(Configuration, "simulate")
+@with_settings(Configuration, "simulate", shown={"simulate.n_points": "by --size"})
 def simulate(
     *,
     settings: Loaded[Configuration],
@@ -62,13 +62,12 @@ def simulate(
 
     if output is None:
         raise UsageError("the map has no name. Give one with -o MAP.ply.")
-    given = sources_of(settings, "simulate")
     if size == CITY:
         _make_city(output, settings, resolve_seed(seed), force, json)
         return
     check_name(output)
     claim_output(output, force, json=json)
-    changes = {name: getattr(settings.settings.simulate, name) for name in given}
+    changes = {name: getattr(settings.settings.simulate, name) for name in _given(settings)}
     chosen, used_seed = SimulateSettings.of_size(size, changes), resolve_seed(seed)
     with progress(1.0, "casting beams") as bar:
         simulation = simulate_with_report(chosen, used_seed, bar)
@@ -91,7 +90,7 @@ def _make_city(folder: str, settings: Loaded[Configuration], seed: int, force: b
     from prf.shell.cli.outputs import claim, claim_output
     from prf.shell.errors import OutputExists, UsageError
 
-    given = sources_of(settings, "simulate")
+    given = _given(settings)
     others = [source for name, source in given.items() if name != "n_points"]
     if others:
         raise UsageError(f"{others[0]}: not for --size city, which is made without a drive.")
@@ -112,6 +111,13 @@ def _make_city(folder: str, settings: Loaded[Configuration], seed: int, force: b
     console.summarize(f"{'tiles':<16}{counts['tiles']} in {folder}")
     console.summarize(f"{'points':<16}{counts['points']:,}, {share:.1%} suspicious")
     console.summarize(f"{'seed':<16}{seed}")
+
+
+def _given(settings: Loaded[Configuration]) -> dict[str, str]:
+    """Return key to what has set it, of keys of a world; a file of settings may hold defaults, which are by size."""
+    typed, values, usual = typed_keys(settings, "simulate"), settings.settings.simulate, SimulateSettings()
+    given = sources_of(settings, "simulate").items()
+    return {name: each for name, each in given if name in typed or getattr(values, name) != getattr(usual, name)}
 
 
 def _rows(report: Report, output: str, seed: int) -> Iterator[tuple[str, str]]:

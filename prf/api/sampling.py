@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import MappingProxyType
-from typing import Literal
+from typing import Literal, get_args
 
 from prf import __version__
 from prf.api.science import (
@@ -140,6 +140,8 @@ def sample(
         If the output exists already, is being written by another process, or cannot be written.
     """
     rule = _rule(steps, seconds)
+    if on_interrupt not in get_args(OnInterrupt):
+        raise ArgumentError(f"on_interrupt {on_interrupt!r}: must be one of {', '.join(get_args(OnInterrupt))}.")
     options = {
         "chains": chains,
         "beam_density": beam_density,
@@ -161,9 +163,10 @@ def sample(
         prepared.announce()
         files = with_poses(paths_of(sources), loaded.settings)
         session = Session.start(files, prepared, folder, used_seed, _threads(threads), named_sources(loaded))
+        # A scheduler that does not answer must be known before files of an earlier run are removed.
         with (
-            _supervised(session, progress, watch, on_interrupt) as (stop_requested, after_round),
             open_pool(_threads(threads), scheduler, "prf", _version) as workers,
+            _supervised(session, progress, watch, on_interrupt) as (stop_requested, after_round),
         ):
             for found in drive(session.ensemble, rule, workers, stop_requested, session.seconds_to_finish):
                 if after_round(found):
@@ -208,8 +211,8 @@ def resume(
         session = Session.resume(Path(run), dict(logs), requested, seed, _threads(threads))
         logger.info(f"resuming at step {session.ensemble.step}")
         with (
-            _supervised(session, progress, watch, on_interrupt) as (stop_requested, after_round),
             open_pool(_threads(threads), scheduler, "prf", _version) as workers,
+            _supervised(session, progress, watch, on_interrupt) as (stop_requested, after_round),
         ):
             for found in drive(session.ensemble, rule, workers, stop_requested, session.seconds_to_finish):
                 if after_round(found):
@@ -294,4 +297,6 @@ def _version() -> str:
 
 
 def _threads(threads: int) -> int:
+    if threads < 0:
+        raise ArgumentError(f"threads {threads}: must be at least 0.")
     return threads or len(os.sched_getaffinity(0))

@@ -77,6 +77,8 @@ def settled(
     options: Mapping[str, Any],
 ) -> Loaded[Configuration]:
     """Return the configuration: options, prior and sensors over what is requested, with the sources that still hold."""
+    if not isinstance(prior, Prior | None):
+        raise ArgumentError(f"prior: a {type(prior).__name__}, must be a Prior.")
     tables: dict[str, Any] = {} if prior is None else {"prior": prior}
     for sensor in _listed(sensors):
         if type(sensor) not in TABLES:

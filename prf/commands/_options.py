@@ -33,6 +33,6 @@ TimeBudget = Annotated[
         "--time-budget",
         metavar="TIME",
         parser=parse_duration,
-        help="Instead of steps, writing included; seconds, or 90s, 5m, 1h30m.",
+        help="Time of this call instead of steps, writing included; seconds, or 90s, 5m, 1h30m.",
     ),
 ]

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import logging
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
 
 from prf.commands import _options as o
 from prf.configuration import Configuration, named_sources
@@ -32,7 +34,7 @@ FAR_APART = 10.0
 """Nats between the two best chains above which the search was too short, or hard: one would do what the other did."""
 
 
-@with_settings(Configuration, *READ)
+@with_settings(Configuration, *READ, shown={"driven.radius": "0.1"})
 def anneal(
     *,
     laser: o.Laser = None,
@@ -40,7 +42,9 @@ def anneal(
     point_data: o.PointData = None,
     output: Output = None,
     settings: Loaded[Configuration],
-    steps: o.Steps = None,
+    steps: Annotated[
+        int | None, typer.Option("--steps", metavar="N", min=1, help=f"Steps a chain in all.  [{DEFAULT_STEPS:,}]")
+    ] = None,
     time_budget: o.TimeBudget = None,
     seed: Seed = None,
     threads: Threads = 0,

@@ -102,7 +102,7 @@ def read_carmen(
 
     Scans are numbered in the order of the file, all lasers together. `device` names a kind of line, `frame` what gives
     the robot's pose at SONAR lines: "laser lines" or one of `POSE_LINES`; with `odometry` these at laser lines too.
-    `on_robot`: see ``posed.py``; then, or with `odometry` in the log, lines of a laser without a pose are read
+    `on_robot`: see ``poses.py``; then, or with `odometry` in the log, lines of a laser without a pose are read
     if there are no others: RAWLASER, and ``Laser n r1..rn`` of DP-SLAM.
     """
     lines = _lines_by_kind(data)

@@ -89,7 +89,7 @@ class Track(NamedTuple):
 
 @dataclass(frozen=True)
 class GivenPoses:
-    """GivenPoses for the scans of a log, and how they belong to them.
+    """Poses for the scans of a log, and how they belong to them.
 
     `mount`: x, y and theta of the sensor (of a ring of sonars: of the robot) in the frame of the poses; None: as the
     log has it. `gap`: seconds between poses, up to which a robot is taken to go straight from one to the next.
@@ -196,7 +196,7 @@ def _matched(scans: ScanTable, poses: GivenPoses, source: str) -> tuple[FloatArr
     if len(known) != len(scans.number):
         counts = f"{source} has {len(scans.number)} scans, {poses.source} {len(known)} poses"
         advice = "Give one pose a scan, or times in both (TUM, CSV t,x,y,theta)."
-        raise InputError(f"{why_not}; nor by order:  {counts}. {advice}")
+        raise InputError(f"{why_not}; nor by order: {counts}. {advice}")
     if names is not None and all(name[1:].isdigit() for name in names):  # of g2o
         known = known[np.argsort([int(name[1:]) for name in names], kind="stable")]
     warnings = [] if poses.times is None else [f"{why_not}; as many poses as scans: matched by order"]

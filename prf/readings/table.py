@@ -31,7 +31,7 @@ def read_table(
     """Read a table of beams, decompressed; `cone` (radians) is for a sonar's table without such a column.
 
     `kind` chooses between rows with and without a cone (or 0); a table with rows of one sort only is taken as it is.
-    `on_robot`: see ``posed.py``; then x and y, the place of the sensor on the robot, may be missing, and theta
+    `on_robot`: see ``poses.py``; then x and y, the place of the sensor on the robot, may be missing, and theta
     is the direction on the robot.
     """
     _, first = next(content_lines(data), (0, b""))

@@ -120,7 +120,7 @@ def _load(path: str | os.PathLike[str]) -> Mapping[str, Any]:
     try:
         content = json.loads(data)
     except (ValueError, RecursionError) as error:
-        reason = "no text" if isinstance(error, UnicodeDecodeError) else f"not JSON:  {' '.join(str(error).split())}"
+        reason = "no text" if isinstance(error, UnicodeDecodeError) else f"not JSON: {' '.join(str(error).split())}"
         raise InputError(f"{path}: neither a RUN, a GRID nor GeoJSON ({reason}).") from error
     if not isinstance(content, Mapping):
         raise InputError(f"{path}: not a GeoJSON object. Give polygons of the occupied area.")

@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeVar
+from typing import Any, Literal, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,10 +18,6 @@ from prf.readings import PointTable, Readings
 from prf.results.convergence import Diagnosis
 from prf.results.estimate import by_chain, smallest_ess
 from prf.shell.errors import InputError
-
-if TYPE_CHECKING:
-    pass
-
 
 Part = TypeVar("Part")
 

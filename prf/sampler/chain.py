@@ -270,12 +270,14 @@ class ChainRun:
         self.n_looks += 1.0
         self.schedule.settle()
 
-    def find_start(self, seconds: float, stop_requested: Callable[[], bool]) -> Self:
-        """Before the first step: take the map, and the poses, that the chain shall start from."""
-        latest = time.monotonic() + seconds
+    def find_start(self, latest: float, stop_requested: Callable[[], bool]) -> Self:
+        """Before the first step: take the map, and the poses, that the chain shall start from.
+
+        `latest`: when the search ends, by the clock that all chains share, also on other machines (``time.time``).
+        """
 
         def is_over() -> bool:
-            return stop_requested() or time.monotonic() > latest
+            return stop_requested() or time.time() > latest
 
         if self.poses is not None:
             self.chain = self.poses.start(self.chain, self.rng)

@@ -108,8 +108,8 @@ def drive(
     ensemble.compile()
     start, first_step = time.monotonic(), ensemble.step
     if first_step == 0:
-        seconds = START_SHARE * rule.longest
-        starts = workers(ChainRun.find_start, ensemble.chains, repeat(seconds), repeat(stop_requested))
+        latest = time.time() + START_SHARE * rule.longest
+        starts = workers(ChainRun.find_start, ensemble.chains, repeat(latest), repeat(stop_requested))
         ensemble.chains = list(starts)
     diagnoses: dict[str, Diagnosis] | None = None
     status = rule.status(first_step, 0.0, None)

@@ -42,17 +42,17 @@ class CheckFailed(PrfError):  # noqa: N818 - a "no" for an answer is not an erro
     exit_code = 1
 
 
-class UsageError(PrfError):
-    """Options that do not go together, or a value outside its domain."""
+class UsageError(PrfError, ValueError):
+    """Options or arguments that do not go together, or a value outside its domain."""
 
     exit_code = 2
 
 
-class ArgumentError(UsageError, ValueError):
+class ArgumentError(UsageError):
     """An argument of a Python call that cannot be used: wrong shape, not finite, of another unit or kind."""
 
 
-class ConfigError(PrfError):
+class ConfigError(PrfError, ValueError):
     """A configuration that cannot be used: unknown key, wrong type, value outside its domain."""
 
     exit_code = 2

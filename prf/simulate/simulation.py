@@ -90,8 +90,13 @@ def config_of(settings: SimulationOptions, world: str, laser: bool, sonar: bool,
 
 
 def refuse_absent_sensor(sources: Mapping[str, str], laser: bool, sonar: bool) -> None:
-    """Raise UsageError for a setting of a sensor that the robot does not have; `sources`: keys to what has set them."""
+    """Raise UsageError for a setting of a sensor that the robot does not have; `sources`: keys to what has set them.
+
+    What a file of settings has may be for other robots.
+    """
     for name, source in sources.items():
+        if not source.startswith("--"):
+            continue
         key = name.removeprefix("simulate.")
         if (key in LASER and not laser) or (key == "sonar_max_range" and not sonar):
             without = "there is --no-laser" if key in LASER else "there is no --sonar"

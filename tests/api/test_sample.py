@@ -104,6 +104,38 @@ def test_a_run_answers(run: prf.Run) -> None:
     np.testing.assert_allclose(run.extent, (-0.5, 6.5, -0.5, 4.5), atol=1e-9)
 
 
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"prior": prf.LaserModel(max_range=9.0)}, "prior: a LaserModel, must be a Prior"),
+        ({"threads": -1}, "threads -1: must be at least 0"),
+        ({"on_interrupt": "stop"}, "on_interrupt 'stop': must be one of return, raise"),
+        ({"seed": -1}, "seed -1"),
+    ],
+)
+def test_arguments_that_cannot_be_used_are_value_errors(given: dict[str, Any], words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        prf.sample(room(), steps=20_000, **(HOW | given))
+
+
+def test_values_by_place_are_given_once_and_are_not_too_many() -> None:
+    with pytest.raises(ValueError, match="scale: given twice"):
+        prf.Prior(0.1, scale=0.2)
+    with pytest.raises(ValueError, match="takes 2 values, but 3 are given"):
+        prf.Prior(0.1, None, 5)
+
+
+def test_a_scheduler_that_does_not_answer_costs_no_earlier_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("distributed")
+    monkeypatch.setattr("prf.shell.scheduler.CONNECT_SECONDS", 0.5)
+    folder = tmp_path / "room"
+    prf.sample(room(), PRIOR, steps=20_000, output=folder, **HOW)
+    before = {path.name: path.read_bytes() for path in folder.iterdir()}
+    with pytest.raises(InputError, match="no scheduler answers there"):
+        prf.sample(room(), PRIOR, steps=20_000, output=folder, force=True, scheduler="tcp://127.0.0.1:1", **HOW)
+    assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
+
+
 @pytest.mark.parametrize("points", [[1.0, 2.0], [[1.0, 2.0, 3.0]], [[np.nan, 1.0]], "here"])
 def test_questions_that_are_none_are_refused(run: prf.Run, points: Any) -> None:
     with pytest.raises(ArgumentError, match="points"):

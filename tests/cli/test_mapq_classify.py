@@ -4,6 +4,7 @@ import gzip
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -157,3 +158,31 @@ def test_a_file_of_settings_may_be_for_clouds_too(capsys, tmp_path):
     settings.write_text("[cloud]\ntopic = 'points'\n")
     args = ("classify", save_patches(tmp_path), "--model", save_model(tmp_path), "--config", settings)
     assert call(capsys, *args, "-o", tmp_path / "a.ply")[0] == 0
+
+
+def test_a_file_of_all_defaults_changes_nothing(capsys, tmp_path):
+    model, settings = save_model(tmp_path), tmp_path / "all.toml"
+    settings.write_text(call(capsys, "config", "show")[1])
+    for number, path in enumerate((save_patches(tmp_path), save_cloud(tmp_path))):
+        one, other = (tmp_path / f"{number}{name}.ply" for name in ("plain", "asked"))
+        assert call(capsys, "classify", path, "--model", model, "-o", one)[0] == 0
+        assert call(capsys, "classify", path, "--model", model, "-o", other, "--config", settings)[0] == 0
+        assert one.read_bytes() == other.read_bytes()
+        report = json.loads(other.with_suffix(".json").read_text())["segmentation"]["report"]
+        assert "tiles" not in report
+
+
+def test_patches_may_come_by_standard_input(capsys, tmp_path, monkeypatch):
+    path = save_patches(tmp_path)
+    with open(path, "rb") as stream:
+        monkeypatch.setattr("sys.stdin", SimpleNamespace(buffer=stream))
+        code, _, err = call(capsys, "classify", "-", "--model", save_model(tmp_path), "-o", tmp_path / "r.ply")
+    assert (code, err) == (0, "")
+
+
+def test_a_warning_of_the_segmentation_is_given_once(capsys, tmp_path):
+    rng, path = np.random.default_rng(1), tmp_path / "far.xyz"
+    wall = np.column_stack([rng.uniform(0.0, 6.0, 3000), rng.normal(0.0, 0.01, 3000), rng.uniform(0.0, 3.0, 3000)])
+    np.savetxt(path, np.vstack([wall, [[9e6, 0.0, 0.0], [9e6, 1.0, 0.0]]]), fmt="%.3f")
+    err = call(capsys, "classify", path, "--model", save_model(tmp_path), "-o", tmp_path / "r.ply")[2]
+    assert err.count("very far") == 1

@@ -42,8 +42,6 @@ def test_scans_are_found_and_merged_by_one_table() -> None:
     scans = ScanSettings(poses="a.tum", voxel=0.1)
     assert isinstance(scans, FindSettings)
     assert isinstance(scans, MergeSettings)
-    assert scans.are_named
-    assert not ScanSettings(voxel=0.1).are_named
 
 
 @pytest.mark.parametrize(

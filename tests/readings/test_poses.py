@@ -92,7 +92,7 @@ def test_scans_without_times_are_matched_by_order(tmp_path):
     np.testing.assert_allclose(pose[:, :2], [[1, 2], [2, 4]], err_msg="in the order of the numbers of vertices")
     assert "matched by order" in readings.notes.poses
     with pytest.raises(
-        InputError, match=r"the scans of .* have no times; nor by order:  .* has 2 scans, .*way.csv 4 poses"
+        InputError, match=r"the scans of .* have no times; nor by order: .* has 2 scans, .*way.csv 4 poses"
     ):
         scans_of(save(tmp_path, dp_slam), csv(tmp_path))
 
@@ -132,7 +132,7 @@ class TestClocks:
         assert not scans_of(path, way, offset=-1.7e9)[0].notes.warnings
 
     def test_a_clock_too_coarse_to_match_by(self, tmp_path):
-        with pytest.raises(InputError, match=r"too coarse to match by; nor by order:  .* has 3 scans, .* 4 poses"):
+        with pytest.raises(InputError, match=r"too coarse to match by; nor by order: .* has 3 scans, .* 4 poses"):
             scans_of(log(tmp_path, ("1.01893e+09",) * 3), csv(tmp_path))
 
 

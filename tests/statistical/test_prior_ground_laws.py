@@ -6,6 +6,7 @@ Eleven numbers a comparison: |z| < 4.5 fails by chance once in 13,000 for normal
 
 from __future__ import annotations
 
+import math
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -102,7 +103,7 @@ PLACES = np.random.default_rng(SEED).uniform(FAR[:2], FAR[2:], (40, 2))
 
 def first_draw(number: int) -> Coloring:
     sampler = ChainRun(WIDE, np.random.default_rng([SEED, number]), np.zeros(0, np.int64))
-    sampler.find_start(lambda: False)
+    sampler.find_start(math.inf, lambda: False)
     return read_coloring(sampler.chain.graph)
 
 

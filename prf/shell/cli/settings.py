@@ -53,7 +53,7 @@ class Table(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     def __init__(self, *args: Any, **values: Any) -> None:
-        values |= zip(type(self).model_fields, args, strict=False)
+        values |= _named(type(self), args, values)
         try:
             self.__pydantic_validator__.validate_json(_json(values), strict=True, self_instance=self)
         except ValidationError as error:
@@ -84,6 +84,17 @@ class Table(BaseModel):
     def _checked(self) -> Self:
         self.check()
         return self
+
+
+def _named(table: type[Table], args: tuple[Any, ...], values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return values that are given by place, by the names of their fields."""
+    names = list(table.model_fields)
+    if len(args) > len(names):
+        raise ArgumentError(f"{table.__name__}: takes {len(names)} values, but {len(args)} are given.")
+    found = dict(zip(names, args, strict=False))
+    for name in found.keys() & values.keys():
+        raise ArgumentError(f"{name}: given twice, by place and by name.")
+    return found
 
 
 class Tree(BaseModel):
