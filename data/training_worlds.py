@@ -555,7 +555,7 @@ def true_disagreement(world: ScannedWorld, used: Floats) -> Floats:
     known = world.surface != NOT_KNOWN
     if known.any():
         surfaces = _pieces(world.take(known))
-        metres[known] = known_disagreement(surfaces, world.poses, used, PerturbSettings().plausible_below).metres
+        metres[known], _ = known_disagreement(surfaces, world.poses, used, PerturbSettings().plausible_below)
     return metres
 
 

@@ -88,7 +88,7 @@ class ReadOptions(Table):
         """Raise UsageError if anything is given for the PATCHES file `path`, which holds its unit."""
         given = [name for name, value in self if value != getattr(AS_IT_IS, name)]
         if given:
-            raise UsageError(f"{path} is segmented already, and holds its unit. Leave out {given[0]}.")
+            raise UsageError(f"{path} is segmented already, and holds its unit. Leave out cloud.{given[0]}.")
 
 
 AS_IT_IS = ReadOptions()

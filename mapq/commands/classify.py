@@ -81,7 +81,6 @@ def classify(
     A folder of LAS or LAZ tiles, or any cloud with one of --workers, --scheduler and --tile-points, is worked on tile
     by tile and need not fit into memory. The result of a folder is a folder: tiles of the same names, and result.json.
     """
-    from mapq.io import is_patches
     from mapq.io.results import result_lines
     from mapq.io.tiles import is_tiled
     from mapq.results.result import MIN_COVERAGE
@@ -89,13 +88,9 @@ def classify(
     from prf.shell.cli.files import STREAM
     from prf.shell.errors import UsageError
 
-    chosen = settings.settings
     limits = fail_over, MIN_COVERAGE if min_coverage is None else min_coverage
     file, as_scans = inputs[0], are_scans(inputs, settings)
-    are_patches = not as_scans and file != STREAM and is_patches(file)
-    wants_tiles = bool(typed_keys(settings, "tiles"))
-    # A file of settings may be for other maps, or hold the defaults.
-    in_tiles = wants_tiles or (chosen.tiles != TileSettings() and not as_scans and not are_patches)
+    in_tiles = _are_tiles_wanted(file, as_scans, settings)
     if in_tiles and as_scans:
         raise UsageError("scans are merged in memory, not in tiles. Leave --workers and the like out; see --every.")
     if in_tiles or (is_tiled(file) and not as_scans):
@@ -111,6 +106,16 @@ def classify(
         for line in _lines(result, target, limits):
             console.summarize(line)
     _check(file, result, limits)
+
+
+def _are_tiles_wanted(file: str, as_scans: bool, settings: Loaded[Configuration]) -> bool:
+    """Return whether a map shall be worked on in tiles; a file of settings may be for others, or hold the defaults."""
+    from mapq.io import is_patches
+    from prf.shell.cli.files import STREAM
+
+    if typed_keys(settings, "tiles") or as_scans or settings.settings.tiles == TileSettings():
+        return bool(typed_keys(settings, "tiles"))
+    return file == STREAM or not is_patches(file)
 
 
 def _classify(

@@ -47,7 +47,6 @@ def draw(function, run: Run, **options) -> np.ndarray:  # type: ignore[no-untype
 @pytest.mark.parametrize("window", WINDOWS, ids=["unit", "corridor", "tall-utm"])
 def test_every_picture_of_every_window(window: Window) -> None:
     run = make_run(n_draws=5, window=window, resolution=max(window.width, window.height) / 100)
-    draw(render_posterior, run, beams=True)
     draw(render_posterior, run, squares=True, outline=False, path=False)
     draw(render_best, run, path=True)
     draw(render_draws, run, n_draws=3)
@@ -95,7 +94,8 @@ def test_seen_cells_where_chains_differ_are_tinted() -> None:
     options = {"outline": False, "path": False}
     assert np.isclose(at_points(draw(render_posterior, replace(run, image=image), **options), WINDOW, xy)[0], 1.0)
     assert at_points(draw(render_posterior, replace(run, image=image), **options), WINDOW, xy)[1] < 0.9
-    plain = draw(render_posterior, replace(run, image=image), disagreement=False, **options)
+    agreed = image._replace(disagreement=blank)
+    plain = draw(render_posterior, replace(run, image=agreed), **options)
     np.testing.assert_allclose(at_points(plain, WINDOW, xy), 1.0, atol=0.02)
 
 
