@@ -1,0 +1,214 @@
+"""Surfaces of scans, and the motion that brings one onto another: point to plane, coarse to fine, with its information."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
+
+from mapq.posed.merge import cell_keys
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+SIDE, MOST_THINNED = 0.1, 20_000
+"""Metres: side of the cubes that keep one point of a scan; larger ones until so many are left."""
+N_NORMALS, N_NEIGHBOURS, N_MOVED = 6000, 12, 800
+"""Points of a scan that get a normal, of how many neighbours, and those of them that are matched to other scans."""
+FLATNESS, LINE = 0.04, 0.04
+"""Largest share of the smallest variance of a plane's points of the middle one, and least of that of the largest one."""
+LEVEL, LEVEL_SHARE = 0.8, 0.3
+"""Upward component of normals of level ground, and the share of it among the points that are matched."""
+REACHES = (1.2, 1.2, 1.2, 0.9, 0.7, 0.5, 0.4, 0.4)
+"""Metres within which a point is matched, round by round, ..."""
+SCALES = (0.6, 0.4, 0.3, 0.2, 0.15, 0.1, 0.08, 0.08)
+"""... and at which residual its weight is a quarter."""
+AGREE = 0.8
+"""Cosine of the angle between normals of points that may be one surface."""
+FEWEST = 40
+"""Matched points below which scans share no surface."""
+FITS, GOOD = 0.1, 0.75
+"""Metres off a plane at which a point fits it; share of matched points that fit from which no start is searched."""
+SEARCHED, N_SEARCHED = 0.8, 150
+"""Metres up to which shifts are tried where the first fit is bad, and points by which they are."""
+UNSEEN = 0.01
+"""Share of the points whose normals show a direction below which it is not seen: normals have errors."""
+FLOOR, INFLATION, NOISE = 0.02, 30.0, 0.03
+"""Metres: least standard error of a fit; of its variance: residuals of neighbours go together; least noise in metres."""
+
+
+class Surface(NamedTuple):
+    """Points of a scan, or of several, on planes."""
+
+    xyz: Floats  # (n, 3)
+    normal: Floats  # (n, 3) towards the sensor, where that is known
+    moved: Ints  # (m,) those that are matched to others
+    tree: cKDTree
+    is_oriented: bool
+
+    @property
+    def centre(self) -> Floats:
+        """Middle (3) of the points that are matched."""
+        return np.asarray(self.xyz[self.moved].mean(axis=0) if len(self.moved) else np.zeros(3))
+
+
+class Fit(NamedTuple):
+    """A motion that brings a surface onto another."""
+
+    motion: Floats  # (4, 4)
+    at: Floats  # (3,) middle of what they share, before the motion
+    information: Floats  # (6, 6) of shift there and turn, per m² and rad²
+    share: float  # of the points that have a surface beside them, those that lie on it
+    n_fitting: float  # points that lie on it
+
+
+def surface_of(xyz: Floats, sensor: Floats | None) -> Surface:
+    """Return the planes of a scan: points (n, 3), seen from `sensor` (3); None where that is not known."""
+    side = SIDE
+    thinned = xyz
+    while True:
+        thinned = thinned[np.unique(cell_keys(thinned, side), return_index=True)[1]]
+        if len(thinned) <= MOST_THINNED:
+            break
+        side *= 1.4
+    some = thinned[:: 1 + len(thinned) // N_NORMALS]
+    normal, is_flat = _normals(thinned, some)
+    some, normal = some[is_flat], normal[is_flat]
+    if sensor is not None and len(some):
+        normal = normal * np.where(((sensor - some) * normal).sum(axis=1) < 0.0, -1.0, 1.0)[:, None]
+    return joined_surface(some, normal, sensor is not None)
+
+
+def joined_surface(xyz: Floats, normal: Floats, is_oriented: bool) -> Surface:
+    """Return the surface of points (n, 3) with normals (n, 3)."""
+    level = np.abs(normal[:, 2]) > LEVEL if len(xyz) else np.zeros(0, bool)
+    upright, flat = np.flatnonzero(~level), np.flatnonzero(level)
+    n_flat = int(max(LEVEL_SHARE * N_MOVED, N_MOVED - len(upright)))
+    parts = [part[:: 1 + len(part) // most] for part, most in ((upright, N_MOVED), (flat, n_flat))]
+    return Surface(xyz, normal, np.concatenate(parts), cKDTree(xyz), is_oriented)
+
+
+def _normals(xyz: Floats, some: Floats) -> tuple[Floats, NDArray[np.bool_]]:
+    """Return normals (m, 3) of the planes through neighbours of some points (m, 3), and which are planes at all."""
+    if len(xyz) < N_NEIGHBOURS:
+        return np.zeros((len(some), 3)), np.zeros(len(some), bool)
+    around = xyz[cKDTree(xyz).query(some, k=N_NEIGHBOURS)[1]]
+    around = around - around.mean(axis=1, keepdims=True)
+    values, vectors = np.linalg.eigh(np.einsum("nki,nkj->nij", around, around))
+    is_flat = (values[:, 0] < FLATNESS * values[:, 1]) & (values[:, 1] > LINE * values[:, 2])
+    return vectors[:, :, 0], np.asarray(is_flat)
+
+
+def moved_by(motion: Floats, xyz: Floats) -> Floats:
+    """Return points (n, 3) after a motion (4, 4)."""
+    return np.asarray(xyz @ motion[:3, :3].T + motion[:3, 3])
+
+
+def motion_about(at: Floats, twist: Floats) -> Floats:
+    """Return the motion (4, 4) that turns about a place (3) and shifts it: of a twist (6), shift first."""
+    motion = np.eye(4)
+    motion[:3, :3] = Rotation.from_rotvec(twist[3:]).as_matrix()
+    motion[:3, 3] = at + twist[:3] - motion[:3, :3] @ at
+    return motion
+
+
+class _Matches(NamedTuple):
+    """Points beside a surface."""
+
+    place: Floats  # (k, 3)
+    normal: Floats  # (k, 3) mean of both surfaces
+    residual: Floats  # (k,) metres along it
+    beside: int  # points that have any of the other surface beside them
+
+
+def _matches(a: Surface, b: Surface, motion: Floats, reach: float, some: Ints) -> _Matches:
+    """Return some points of `a`, moved, that have a surface of `b` with a like normal within `reach` metres."""
+    place, normal = moved_by(motion, a.xyz[some]), a.normal[some] @ motion[:3, :3].T
+    distance, other = b.tree.query(place, distance_upper_bound=reach)
+    near = np.flatnonzero(np.isfinite(distance))
+    place, normal, other = place[near], normal[near], other[near]
+    facing = (normal * b.normal[other]).sum(axis=1)
+    is_like = (facing if a.is_oriented and b.is_oriented else np.abs(facing)) > AGREE
+    place, normal, other, facing = place[is_like], normal[is_like], other[is_like], facing[is_like]
+    both = normal + np.sign(facing)[:, None] * b.normal[other]
+    both /= np.linalg.norm(both, axis=1, keepdims=True)
+    return _Matches(place, both, ((b.xyz[other] - place) * both).sum(axis=1), len(near))
+
+
+def register(a: Surface, b: Surface, start: Floats, reach: float = SEARCHED, turns: tuple[float, ...] = ()) -> Fit | None:
+    """Return the motion that brings `a` onto `b`, near the motion `start` (4, 4); None if they share no surface.
+
+    Where what is found does not fit well, level shifts of up to `reach` metres and `turns` (radians) are tried first.
+    """
+    fit = _refined(a, b, start)
+    if fit is not None and fit.share >= GOOD and not turns:
+        return fit
+    searched = _searched(a, b, start, reach, turns)
+    other = None if searched is None else _refined(a, b, searched)
+    return other if fit is None or (other is not None and other.n_fitting > 1.1 * fit.n_fitting) else fit
+
+
+def _searched(a: Surface, b: Surface, start: Floats, reach: float, turns: tuple[float, ...]) -> Floats | None:
+    """Return the shifted and turned start at which most points lie on surfaces; None if none is better."""
+    some = a.moved[:: 1 + len(a.moved) // N_SEARCHED]
+    at = moved_by(start, a.xyz[some]).mean(axis=0)
+    steps = np.arange(-reach, reach + 0.01, 0.2)
+    best, found = _meeting(a, b, start, some), None
+    for turn in (0.0, *turns):
+        for x in steps:
+            for y in steps:
+                if np.hypot(x, y) <= reach + 0.01:
+                    tried = motion_about(at, np.array([x, y, 0.0, 0.0, 0.0, turn])) @ start
+                    value = _meeting(a, b, tried, some) - 0.02 * len(some) * np.hypot(x, y)
+                    if value > best:
+                        best, found = value, tried
+    return found
+
+
+def _meeting(a: Surface, b: Surface, motion: Floats, some: Ints) -> float:
+    """Return how many of some points lie on the other surface."""
+    residual = _matches(a, b, motion, 0.8, some).residual
+    return float((1.0 / (1.0 + (residual / 0.15) ** 2) ** 2).sum())
+
+
+def _refined(a: Surface, b: Surface, motion: Floats) -> Fit | None:
+    """Return the motion that robust least squares find from a start; None if too few points match."""
+    for reach, scale in zip(REACHES, SCALES, strict=True):
+        found = _matches(a, b, motion, reach, a.moved)
+        if len(found.residual) < FEWEST:
+            return None
+        weight = (scale**2 / (scale**2 + found.residual**2)) ** 2
+        at = found.place.mean(axis=0)
+        jacobian = np.hstack([found.normal, np.cross(found.place - at, found.normal)])
+        normal = jacobian.T @ (jacobian * weight[:, None])
+        ridge = np.diag(np.repeat([1e-3, 1e-3 * _lever(found.place - at) ** 2], 3)) * weight.sum()
+        twist = np.linalg.solve(normal + ridge, jacobian.T @ (weight * found.residual))
+        motion = motion_about(at, twist) @ motion
+    found = _matches(a, b, motion, REACHES[0], a.moved)
+    fits = np.abs(found.residual) < FITS
+    if np.count_nonzero(fits) < FEWEST:
+        return None
+    share = np.count_nonzero(fits) / len(found.residual)
+    at = found.place[fits].mean(axis=0)
+    information = _information(found.place[fits] - at, found.normal[fits], found.residual[fits], share)
+    return Fit(motion, moved_by(np.linalg.inv(motion), at[None])[0], information, share, float(np.count_nonzero(fits)))
+
+
+def _lever(place: Floats) -> float:
+    """Return the metres off which points (n, 3) lie from their middle."""
+    return max(float(np.sqrt((place**2).sum(axis=1).mean())), 1.0)
+
+
+def _information(place: Floats, normal: Floats, residual: Floats, share: float) -> Floats:
+    """Return the information (6, 6) that points have on a motion; none in directions that no normal shows."""
+    lever = _lever(place)
+    scale = np.repeat([1.0, 1.0 / lever], 3)
+    jacobian = np.hstack([normal, np.cross(place, normal)]) * scale
+    values, vectors = np.linalg.eigh(jacobian.T @ jacobian / len(place))
+    seen = np.maximum(values - UNSEEN, 1e-6)
+    noise = max(float(np.mean(residual**2)), NOISE**2)
+    variance = INFLATION * noise / (len(place) * seen) + (FLOOR / share) ** 2
+    return np.asarray((vectors / variance) @ vectors.T / np.outer(scale, scale))
