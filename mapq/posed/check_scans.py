@@ -79,7 +79,7 @@ def check_scans(cloud: PointCloud, scans: PosedScans) -> CheckedScans:
     along, unit = _along(scans)
     line = solve(relations, scene.places, along)
     drift = None
-    if alone.cost - line.cost > LINE_GAIN:
+    if alone.cost - line.cost > LINE_GAIN and line.cost < solve(relations, scene.places, _step(alone)).cost:
         drift = _drift(line, float(along.max()), unit)
     found = alone if drift is None else line
     rows = [_row(found, scan, scans.names[scan]) for scan in range(len(scans))]
@@ -136,6 +136,12 @@ def _along(scans: PosedScans) -> tuple[Floats, str]:
     return (scans.times - scans.times[0]) / 60.0, "m/min"
 
 
+def _step(found: Corrections) -> Floats:
+    """Return 1 from the scan on (k,) that moves most against the one before it, as where a loop was missed; else 0."""
+    change = np.linalg.norm(np.diff(found.twist[:, :3], axis=0), axis=1)
+    return (np.arange(len(found.twist)) > np.argmax(change)).astype(np.float64)
+
+
 def _drift(found: Corrections, longest: float, unit: str) -> Drift | None:
     """Return the slope of the line, if the shift at its end is clear."""
     value = float(np.linalg.norm(found.slope[:3]))
@@ -154,17 +160,17 @@ def _row(found: Corrections, scan: int, file: str) -> tuple[float, ScanMotion]:
     direction = twist[:3] / max(length, 1e-12)
     error = BOUND * float(np.sqrt(direction @ shift @ direction))
     widest = BOUND * float(np.sqrt(np.linalg.eigvalsh(shift)[-1]))
-    log_odds = log_odds_wrong(information, twist, RIGHT, WIDE)
-    values = (*twist[:3].tolist(), float(twist[5]), max(length - error, 0.0), length + widest, _sigmoid(log_odds))
+    log_odds = log_odds_wrong(information, np.linalg.solve(covariance, twist), RIGHT, WIDE)
+    low, high = max(length - error, 0.0), length + widest
+    values = (*twist[:3].tolist(), float(twist[5]), low, high, probability_of(log_odds))
     return log_odds, ScanMotion(scan, file, *values)
 
 
-def log_odds_wrong(information: Floats, twist: Floats, right: Floats, wrong: Floats) -> float:
-    """Return the log-odds that a motion was drawn from the wide normal distribution instead of the narrow one.
+def log_odds_wrong(information: Floats, vector: Floats, right: Floats, wrong: Floats) -> float:
+    """Return the log-odds that a twist is drawn from the `wrong` standard deviations (6) instead of the `right` ones.
 
-    `twist` (6): the mean by the `information` (6, 6) and the wide prior.
+    `vector` (6): the `information` (6, 6) times what was measured.
     """
-    vector = (information + np.diag(wrong**-2.0)) @ twist
     parts = []
     for spread in (wrong, right):
         whole = information + np.diag(spread**-2.0)
@@ -174,5 +180,6 @@ def log_odds_wrong(information: Floats, twist: Floats, right: Floats, wrong: Flo
     return float(parts[0] - parts[1] + np.log(PRIOR / (1.0 - PRIOR)))
 
 
-def _sigmoid(log_odds: float) -> float:
+def probability_of(log_odds: float) -> float:
+    """Return the probability of log-odds."""
     return float(1.0 / (1.0 + np.exp(-np.clip(log_odds, -700.0, 700.0))))

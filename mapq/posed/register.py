@@ -32,8 +32,11 @@ FEWEST = 40
 """Matched points below which scans share no surface."""
 FITS, GOOD = 0.1, 0.75
 """Metres off a plane at which a point fits it; share of matched points that fit from which no start is searched."""
-SEARCHED, N_SEARCHED = 0.8, 150
-"""Metres up to which shifts are tried where the first fit is bad, and points by which they are."""
+SEARCHED, N_SEARCHED, STEP = 0.8, 80, 0.2
+"""Metres up to which shifts are tried where the first fit is bad, points by which they are, and metres between them."""
+BESIDE, MEETS, PRICE = 0.6, 0.15, 0.02
+"""Metres within which tried points have a surface, and off it at which they count a quarter; share of the points that
+a shift by a metre must bring more."""
 UNSEEN = 0.01
 """Share of the points whose normals show a direction below which it is not seen: normals have errors."""
 FLOOR, INFLATION, NOISE = 0.02, 30.0, 0.03
@@ -143,38 +146,48 @@ def register(a: Surface, b: Surface, start: Floats, reach: float = SEARCHED, tur
 
     Where what is found does not fit well, level shifts of up to `reach` metres and `turns` (radians) are tried first.
     """
-    fit = _refined(a, b, start)
-    if fit is not None and fit.share >= GOOD and not turns:
+    fit = refined(a, b, start)
+    if fit is not None and fit.share >= GOOD:
         return fit
     searched = _searched(a, b, start, reach, turns)
-    other = None if searched is None else _refined(a, b, searched)
+    other = None if searched is None else refined(a, b, searched)
     return other if fit is None or (other is not None and other.n_fitting > 1.1 * fit.n_fitting) else fit
 
 
 def _searched(a: Surface, b: Surface, start: Floats, reach: float, turns: tuple[float, ...]) -> Floats | None:
     """Return the shifted and turned start at which most points lie on surfaces; None if none is better."""
     some = a.moved[:: 1 + len(a.moved) // N_SEARCHED]
-    at = moved_by(start, a.xyz[some]).mean(axis=0)
-    steps = np.arange(-reach, reach + 0.01, 0.2)
-    best, found = _meeting(a, b, start, some), None
+    place, normal = moved_by(start, a.xyz[some]), a.normal[some] @ start[:3, :3].T
+    if not len(place):
+        return None
+    at, line = place.mean(axis=0), np.arange(-reach, reach + 0.01, STEP)
+    steps = np.stack(np.meshgrid(line, line, [0.0]), axis=-1).reshape(-1, 3)
+    steps = steps[np.hypot(steps[:, 0], steps[:, 1]) <= reach + 0.01]
+    price = PRICE * len(place) * np.hypot(steps[:, 0], steps[:, 1])
+    best, found = _meeting(a, b, place[None], normal)[0], None
     for turn in (0.0, *turns):
-        for x in steps:
-            for y in steps:
-                if np.hypot(x, y) <= reach + 0.01:
-                    tried = motion_about(at, np.array([x, y, 0.0, 0.0, 0.0, turn])) @ start
-                    value = _meeting(a, b, tried, some) - 0.02 * len(some) * np.hypot(x, y)
-                    if value > best:
-                        best, found = value, tried
+        rotation = Rotation.from_rotvec([0.0, 0.0, turn]).as_matrix()
+        turned = (place - at) @ rotation.T + at
+        values = _meeting(a, b, turned + steps[:, None], normal @ rotation.T) - price
+        if values.max() > best:
+            best = values.max()
+            found = motion_about(at, np.concatenate([steps[np.argmax(values)], [0.0, 0.0, turn]])) @ start
     return found
 
 
-def _meeting(a: Surface, b: Surface, motion: Floats, some: Ints) -> float:
-    """Return how many of some points lie on the other surface."""
-    residual = _matches(a, b, motion, 0.8, some).residual
-    return float((1.0 / (1.0 + (residual / 0.15) ** 2) ** 2).sum())
+def _meeting(a: Surface, b: Surface, place: Floats, normal: Floats) -> Floats:
+    """Return how many (t,) of the points of `a`, at tried places (t, m, 3), lie on surfaces of `b`."""
+    distance, other = b.tree.query(place.reshape(-1, 3), distance_upper_bound=BESIDE)
+    near = np.flatnonzero(np.isfinite(distance))
+    other = other[near]
+    facing = (normal[near % len(normal)] * b.normal[other]).sum(axis=1)
+    is_like = (facing if a.is_oriented and b.is_oriented else np.abs(facing)) > AGREE
+    residual = ((place.reshape(-1, 3)[near] - b.xyz[other]) * b.normal[other]).sum(axis=1)
+    worth = is_like / (1.0 + (residual / MEETS) ** 2) ** 2
+    return np.bincount(near // len(normal), worth, len(place))
 
 
-def _refined(a: Surface, b: Surface, motion: Floats) -> Fit | None:
+def refined(a: Surface, b: Surface, motion: Floats) -> Fit | None:
     """Return the motion that robust least squares find from a start; None if too few points match."""
     for reach, scale in zip(REACHES, SCALES, strict=True):
         found = _matches(a, b, motion, reach, a.moved)

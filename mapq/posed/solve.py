@@ -89,7 +89,7 @@ def solve(relations: Sequence[Relation], places: Floats, along: Floats | None = 
             about = moved_by(motion[scan], places[scan][None])[0]
             motion[scan] = motion_about(about, step[6 * scan : 6 * scan + 6]) @ motion[scan]
     cost = sum(float((SADDLE * part / (SADDLE + part)).sum()) for part in squares)
-    return _with_information(motion, slope, places, factor, line, weights[1], cost)
+    return _with_information(motion, slope, places, factor, weights[1] * (along is None), cost)
 
 
 def _arrays(relations: Sequence[Relation]) -> _System:
@@ -149,9 +149,9 @@ def _pins(n: int, no_line: bool) -> csc_matrix:
 
 
 def _with_information(
-    motion: Floats, slope: Floats, places: Floats, factor: SuperLU, line: Floats, weight: Floats, cost: float
+    motion: Floats, slope: Floats, places: Floats, factor: SuperLU, own: Floats, cost: float
 ) -> Corrections:
-    """Return the corrections, with what others say of each scan: without the prior that it is right itself."""
+    """Return the corrections, with what others say of each scan: without the `own` weight (n,) of its prior."""
     n = len(places)
     covariance = np.zeros((n, 6, 6))
     for begin in range(0, n, CHUNK):
@@ -162,9 +162,8 @@ def _with_information(
         covariance[begin:end] = block[np.arange(end - begin), :, np.arange(end - begin)]
     twist = _twists(motion, places)
     whole = np.linalg.inv(covariance)
-    given = weight[:, None, None] * np.diag(RIGHT**-2.0)
-    vector = np.einsum("nij,nj->ni", whole, twist) - np.einsum("nij,nj->ni", given, line[:, None] * slope)
-    values, axes = np.linalg.eigh(whole - given)
+    vector = np.einsum("nij,nj->ni", whole, twist)
+    values, axes = np.linalg.eigh(whole - own[:, None, None] * np.diag(RIGHT**-2.0))
     information = np.einsum("nij,nj,nkj->nik", axes, np.maximum(values, 0.0), axes)
     wide = information + np.diag(WIDE**-2.0)
     tail = np.zeros((6 * n + 6, 6))
