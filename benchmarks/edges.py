@@ -25,8 +25,7 @@ from threadpoolctl import threadpool_limits
 from benchmarks.real_data import DATA, hall, kitti, park, quad, room
 from data.training_worlds import jittered, make_world
 from mapq.configuration import MergeSettings
-from mapq.posed import PosedScans, merge_scans
-from mapq.posed.check_poses import check_poses
+from mapq.posed import PosedScans, check_poses, merge_scans, read_edges
 from mapq.posed.check_scans import check_scans, pairs_of, scene_of
 from mapq.posed.edges import EdgeError
 from mapq.posed.register import motion_about
@@ -127,7 +126,9 @@ def optimised(graph: Graph) -> Graph:
     def errors(x: Floats) -> Floats:
         poses = moved(x)
         off = np.linalg.inv(graph.motion) @ np.linalg.inv(poses[one]) @ poses[other]
-        return np.asarray((np.hstack([off[:, :3, 3], Rotation.from_matrix(off[:, :3, :3]).as_rotvec()]) / NOISE).ravel())
+        return np.asarray(
+            (np.hstack([off[:, :3, 3], Rotation.from_matrix(off[:, :3, :3]).as_rotvec()]) / NOISE).ravel()
+        )
 
     pattern = np.zeros((len(one), 6, n, 6), bool)
     for edge, pair in enumerate(graph.pairs):
@@ -156,7 +157,7 @@ def edges_of(scans: PosedScans, graph: Graph, merging: MergeSettings | None = No
         path = Path(folder) / "graph.g2o"
         write_g2o(path, graph)
         posed = scans.with_poses(graph.poses, str(path))
-        return check_poses(merge_scans(posed, merging), posed, posed).edges
+        return check_poses(merge_scans(posed, merging), posed, read_edges(posed)).edges
 
 
 def score_graph(scans: PosedScans, n_wrong: int, seed: int) -> Score:

@@ -12,6 +12,7 @@ from prf import __version__ as __version__
 if TYPE_CHECKING:
     from mapq.api import (
         classify,
+        classify_scans,
         patch_features,
         point_cloud,
         read_cloud,
@@ -50,6 +51,7 @@ __all__ = [
     "SegmentSettings",
     "TrainSettings",
     "classify",
+    "classify_scans",
     "patch_features",
     "point_cloud",
     "read_cloud",
@@ -65,6 +67,7 @@ __all__ = [
 _HOMES = {
     "mapq.api": (
         "classify",
+        "classify_scans",
         "patch_features",
         "point_cloud",
         "read_cloud",

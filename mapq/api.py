@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import logging
 import os
 from collections.abc import Mapping, Sequence
@@ -31,7 +32,7 @@ from mapq.io.maps import read_input
 from mapq.io.models import read_default_model, read_model
 from mapq.model import Model
 from mapq.patches import Patches
-from mapq.posed import find_scans, merge_scans
+from mapq.posed import PosedScans, check_poses, find_scans, merge_scans, read_edges, write_without
 from mapq.results.result import Origin, Result, assess
 from mapq.segmentation import STAGES
 from mapq.segmentation import segment as cut
@@ -103,13 +104,15 @@ def read_scans(
     """
     if every < 1:
         raise ArgumentError(f"every {every}: must be at least 1.")
-    chosen = find or FindSettings()
-    if poses is not None:
-        chosen = chosen.replace(poses=os.fspath(poses))
-    names = [scans] if isinstance(scans, str | os.PathLike) else scans
-    posed = find_scans([os.fspath(each) for each in names], chosen, options).every(every)
+    posed = _find(scans, poses, find or FindSettings(), options).every(every)
     with reported(progress, len(posed), "merging scans") as reporter:
         return merge_scans(posed, merging, reporter)
+
+
+def _find(scans: Path | Sequence[Path], poses: Path | None, find: FindSettings, options: ReadOptions) -> PosedScans:
+    names = [scans] if isinstance(scans, str | os.PathLike) else scans
+    chosen = find if poses is None else find.replace(poses=os.fspath(poses))
+    return find_scans([os.fspath(each) for each in names], chosen, options)
 
 
 def point_cloud(
@@ -250,6 +253,62 @@ def classify(
     if not isinstance(map, str | os.PathLike):
         origin = origin._replace(name=found.cloud.source or "the map")
     return assess(found, used, origin=origin)
+
+
+def classify_scans(
+    scans: Path | Sequence[Path],
+    poses: Path | None = None,
+    model: Model | Path | None = None,
+    *,
+    every: int = 1,
+    find: FindSettings | None = None,
+    merging: MergeSettings | None = None,
+    options: ReadOptions = AS_IT_IS,
+    segmentation: SegmentSettings | None = None,
+    max_false_alarms: float | None = None,
+    graph_out: Path | None = None,
+    force: bool = False,
+    progress: bool | ProgressCallback = True,
+) -> Result:
+    """Label the map of posed scans, and find which scans and which edges of their graph are wrong (`Result.poses`).
+
+    Parameters
+    ----------
+    scans, poses, every, find, merging, options
+        As :func:`read_scans`.
+    model, segmentation, max_false_alarms
+        As :func:`classify`.
+    graph_out : path, optional
+        The g2o file of the poses is written here without the edges that are more probably wrong than right.
+    force : bool
+        It may replace a file.
+    progress : bool or callable
+        As :func:`segment`.
+
+    Raises
+    ------
+    InputError
+        As :func:`read_scans` and :func:`classify`, and if an edge of the graph cannot be read.
+    UsageError
+        If there are no edges to write.
+    OutputError
+        If the graph exists and may not be replaced, or cannot be written.
+    """
+    chosen = find or FindSettings()
+    whole = _find(scans, poses, chosen, options)
+    some, edges = whole.every(every), read_edges(whole, every, chosen.calibration)
+    if graph_out is not None:
+        if not edges:
+            raise UsageError(f"{whole.poses_from or whole.source}: has no edges of g2o. Leave out --graph-out.")
+        refuse_existing(graph_out, force)
+    with reported(progress, len(some), "merging scans") as reporter:
+        cloud = merge_scans(some, merging, reporter)
+    patches = segment(cloud, segmentation, progress=progress)
+    result = classify(patches, model, max_false_alarms=max_false_alarms)
+    checked = check_poses(cloud, some, edges)
+    if graph_out is not None:
+        write_without(whole.poses_from, os.fspath(graph_out), checked.wrong_rows)
+    return dataclasses.replace(result, poses=checked)
 
 
 def train(

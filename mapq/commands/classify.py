@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 import logging
+import math
 import os
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from mapq.commands._options import ModelFile, are_scans, cloud_options, default_name, load_model, read_scans
+from mapq.commands._options import ModelFile, are_scans, cloud_options, default_name, load_model
 from mapq.configuration import Configuration, TileSettings, parse_share, sources_of, typed_keys
 from prf.shell.cli.console import is_verbose
 from prf.shell.cli.options import Force, Json, Output, with_settings
@@ -18,10 +19,14 @@ from prf.shell.cli.settings import Loaded
 
 if TYPE_CHECKING:
     from mapq.configuration import Configuration
+    from mapq.posed.check_poses import CheckedPoses
     from mapq.results.reasons import Region
     from mapq.results.result import Result
 
 logger = logging.getLogger(__name__)
+
+N_POSES = 10
+"""Scans, and edges, that -v lists."""
 
 EXAMPLES = (
     "mapq classify scans --poses trajectory.tum",
@@ -63,6 +68,14 @@ def classify(
             "[20%]",
         ),
     ] = None,
+    graph_out: Annotated[
+        str | None,
+        typer.Option(
+            "--graph-out",
+            metavar="FILE",
+            help="Of scans with --poses in g2o: write that graph without the edges that are probably wrong.",
+        ),
+    ] = None,
     output: Output = None,
     json: Json = False,
     force: Force = False,
@@ -76,7 +89,8 @@ def classify(
     Default output: the stem of the input, or the folder of the scans, + .classified.ply.
 
     Scans are merged where their poses put them, and the result knows which scan saw what and from where, by which far
-    more errors are found. E57, PTX, bags, and PCD with VIEWPOINT have poses of their own.
+    more errors are found. It names scans that the others want elsewhere, and of poses in g2o the edges that are wrong.
+    E57, PTX, bags, and PCD with VIEWPOINT have poses of their own.
 
     A folder of LAS or LAZ tiles, or any cloud with one of --workers, --scheduler and --tile-points, is worked on tile
     by tile and need not fit into memory. The result of a folder is a folder: tiles of the same names, and result.json.
@@ -93,12 +107,14 @@ def classify(
     in_tiles = _are_tiles_wanted(file, as_scans, settings)
     if in_tiles and as_scans:
         raise UsageError("scans are merged in memory, not in tiles. Leave --workers and the like out; see --every.")
+    if graph_out is not None and not as_scans:
+        raise UsageError("--graph-out is for scans with poses in g2o.")
     if in_tiles or (is_tiled(file) and not as_scans):
         target = output or _tiled_target(file)
         result = _classify_tiles(file, target, model, settings, limits, force)
     else:
         target = output or default_name(inputs if file != STREAM else ["map"], ".classified.ply")
-        result = _classify(inputs, as_scans, model, target, settings, force)
+        result = _classify(inputs, as_scans, model, target, settings, force, graph_out)
         result.save(target, fail_over=limits[0], min_coverage=limits[1], force=True)
     if json:
         storage.emit_pieces(result_lines({"output": target, **result.head(*limits)}, result.patch_rows()))
@@ -119,16 +135,23 @@ def _are_tiles_wanted(file: str, as_scans: bool, settings: Loaded[Configuration]
 
 
 def _classify(
-    inputs: list[str], as_scans: bool, model: str | None, target: str, settings: Loaded[Configuration], force: bool
+    inputs: list[str],
+    as_scans: bool,
+    model: str | None,
+    target: str,
+    settings: Loaded[Configuration],
+    force: bool,
+    graph_out: str | None,
 ) -> Result:
     """Classify a map in memory, or scans."""
     from mapq.api import classify as label
+    from mapq.api import classify_scans
     from mapq.io import is_patches
     from mapq.io.maps import read_input
     from mapq.io.results import claim_result, json_beside
     from mapq.patches import Patches
     from prf.shell.cli.files import STREAM
-    from prf.shell.cli.outputs import refuse_inputs
+    from prf.shell.cli.outputs import claim_output, refuse_inputs
 
     file, chosen = inputs[0], settings.settings
     if not as_scans and file != STREAM and is_patches(file):
@@ -136,10 +159,17 @@ def _classify(
     read = [name for name in (*inputs, chosen.scans.poses, model) if name is not None]
     claim_result(target, force)
     refuse_inputs([target, json_beside(target)], [*read, settings.file])
-    found = read_scans(inputs, chosen) if as_scans else read_input(file, cloud_options(file, settings))
-    is_cut = isinstance(found, Patches)
-    wanted = chosen.crf.max_false_alarms
-    result = label(found, model, max_false_alarms=wanted, segmentation=None if is_cut else chosen.segment)
+    if graph_out is not None:
+        claim_output(graph_out, force, inputs=[*read, settings.file])
+    operating, scans, is_cut = chosen.crf.max_false_alarms, chosen.scans, False
+    if as_scans:
+        posed: dict[str, Any] = {"every": scans.every, "find": scans, "merging": scans, "options": chosen.cloud}
+        posed |= {"segmentation": chosen.segment, "graph_out": graph_out, "force": force}
+        result = classify_scans(inputs, None, model, max_false_alarms=operating, **posed)
+    else:
+        found = read_input(file, cloud_options(file, settings))
+        is_cut = isinstance(found, Patches)
+        result = label(found, model, max_false_alarms=operating, segmentation=None if is_cut else chosen.segment)
     if not is_cut:
         report = {**result.patches.report, "sources": sources_of(settings, "segment")}
         result = dataclasses.replace(result, patches=dataclasses.replace(result.patches, report=report))
@@ -245,9 +275,36 @@ def _lines(result: Result, target: str, limits: tuple[float | None, float]) -> I
     if result.scans_apart == result.scans_apart:
         apart = f"{result.scans_apart:.3f} m in the median, {result.disagreement:.3f} m in the mean"
         yield f"scans disagree  {apart}, over the area that several saw"
+    yield from _pose_lines(result.poses)
     yield f"judged          {_judged(result)}"
     yield f"verdict         {_verdict(result, limits)}"
     yield f"result          {target} and .json"
+
+
+def _pose_lines(found: CheckedPoses) -> Iterator[str]:
+    """Yield which scans and edges are wrong; -v lists more of either, whatever their probability."""
+    from mapq.posed.check_poses import WRONG
+
+    wrong = sum(scan.p_wrong > WRONG for scan in found.scans)
+    if found.scans:
+        yield f"scans           {wrong} of {len(found.scans)} probably displaced"
+    for scan in found.scans[: N_POSES if is_verbose() else min(wrong, 1)]:
+        shift = f"{scan.dx:+.2f} {scan.dy:+.2f} {scan.dz:+.2f} m ({scan.low:.2f} to {scan.high:.2f})"
+        turn = f"{math.degrees(scan.yaw):+.2f} deg"
+        yield f"  p {scan.p_wrong:.3f}  {scan.file} should move by {shift} and turn by {turn}"
+    if found.drift is not None:
+        value, low, high = (100.0 * part for part in found.drift[:3])
+        of = "metre driven" if found.drift.unit == "m/m" else "minute"
+        yield f"drift           {value:.2f} cm a {of} ({low:.2f} to {high:.2f})"
+    if found.edges:
+        yield f"edges           {len(found.wrong_rows)} of {len(found.edges)} probably wrong"
+    elif found.scans and is_verbose():
+        yield "edges           the poses have none"
+    for edge in found.edges[: N_POSES if is_verbose() else min(len(found.wrong_rows), 1)]:
+        off = "cannot be checked: its ends share no surface"
+        if edge.error_m is not None and edge.error_rad is not None:
+            off = f"is {edge.error_m:.2f} m and {math.degrees(edge.error_rad):.2f} deg off"
+        yield f"  p {edge.p_wrong:.3f}  from {edge.ids[0]} to {edge.ids[1]} {off}"
 
 
 def _judged(result: Result) -> str:

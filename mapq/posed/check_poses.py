@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from mapq.cloud import PointCloud
 from mapq.posed.check_scans import Drift, ScanMotion, check_scans
 from mapq.posed.edges import EdgeError, check_edges
-from mapq.posed.graph import read_edges
+from mapq.posed.graph import GraphEdge
 from mapq.posed.scans import PosedScans
+
+WRONG = 0.5
+"""Probability from which a scan or an edge is called wrong."""
 
 
 class CheckedPoses(NamedTuple):
@@ -18,28 +22,23 @@ class CheckedPoses(NamedTuple):
     edges: tuple[EdgeError, ...] = ()  # worst first
     drift: Drift | None = None
 
+    @property
+    def wrong_rows(self) -> set[int]:
+        """Rows of the graph's file with edges that are more probably wrong than right."""
+        return {edge.row for edge in self.edges if edge.p_wrong > WRONG}
 
-def check_poses(
-    cloud: PointCloud, scans: PosedScans, whole: PosedScans, calibration: str | None = None
-) -> CheckedPoses:
-    """Return what is wrong with the poses of scans, and with the edges of the g2o file that they are from.
+
+def check_poses(cloud: PointCloud, scans: PosedScans, graph: Sequence[GraphEdge] = ()) -> CheckedPoses:
+    """Return what is wrong with the poses of scans, and with the edges of their graph.
 
     Parameters
     ----------
     cloud : PointCloud
         Made of the scans by :func:`mapq.posed.merge_scans`.
     scans : PosedScans
-    whole : PosedScans
-        All for which the file has poses, of which `scans` are some.
-    calibration : str, optional
-        The file by which poses became those of the laser.
-
-    Raises
-    ------
-    InputError
-        If an edge of the file cannot be read.
+    graph : sequence of GraphEdge
+        As :func:`mapq.posed.graph.read_edges` returns them.
     """
-    graph = read_edges(whole, scans, calibration)
     checked = check_scans(cloud, scans)
     edges = check_edges(checked, cloud, scans, graph) if graph else ()
     return CheckedPoses(checked.rows, edges, checked.drift)

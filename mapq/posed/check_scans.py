@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from scipy.sparse import csr_matrix
-from scipy.spatial.transform import Rotation
 
 from mapq.axes import TO_SENSOR
 from mapq.cloud import PointCloud
-from mapq.posed.register import Floats, Ints, Surface, register, surface_of
+from mapq.posed.register import Floats, Surface, register, surface_of
 from mapq.posed.scans import PosedScans, driven
 from mapq.posed.solve import RIGHT, WIDE, Corrections, Relation, solve
 
@@ -74,7 +72,7 @@ class CheckedScans(NamedTuple):
 def check_scans(cloud: PointCloud, scans: PosedScans) -> CheckedScans:
     """Return the motions that scans ask of one another; of a cloud that :func:`mapq.posed.merge_scans` made of them."""
     scene = scene_of(cloud, scans.poses)
-    relations = [found for pair in pairs_of(scene) if (found := relate(scene, *pair)) is not None]
+    relations = [relation for pair in pairs_of(scene) if (relation := relate(scene, *pair)) is not None]
     alone = solve(relations, scene.places)
     along, unit = _along(scans)
     line = solve(relations, scene.places, along)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from mapq.posed.find import NO_CALIBRATION
 from mapq.posed.match import match_poses
 from mapq.posed.poses import read_calibration
 from mapq.posed.scans import PosedScans
@@ -29,17 +30,17 @@ class GraphEdge(NamedTuple):
     motion: NDArray[np.float64]  # (4, 4) of the sensor
 
 
-def read_edges(scans: PosedScans, some: PosedScans, calibration: str | None = None) -> list[GraphEdge]:
+def read_edges(scans: PosedScans, every: int = 1, calibration: str | None = None) -> list[GraphEdge]:
     """Return the edges of the file that scans have their poses from; none unless it is g2o.
 
     Parameters
     ----------
     scans : PosedScans
         All for which the file has poses.
-    some : PosedScans
-        Those of them whose numbers the edges get.
+    every : int
+        The edges have numbers of ``scans.every(every)``.
     calibration : str, optional
-        The file by which poses became those of the laser.
+        As of :class:`mapq.configuration.FindSettings`: the file by which poses became those of the laser.
 
     Raises
     ------
@@ -52,10 +53,9 @@ def read_edges(scans: PosedScans, some: PosedScans, calibration: str | None = No
     if not found:
         return []
     table = read_pose_file(scans.poses_from)
-    at = {int(number): place for place, number in enumerate(some.numbers)}
     rows = match_poses(scans.names, table, scans.poses_from)
-    scan_of = {(table.names or ())[row]: at.get(int(scans.numbers[scan]), -1) for scan, row in enumerate(rows)}
-    turned = np.eye(4) if calibration is None else read_calibration(calibration)
+    scan_of = {(table.names or ())[row]: -1 if scan % every else scan // every for scan, row in enumerate(rows)}
+    turned = np.eye(4) if calibration in (None, NO_CALIBRATION) else read_calibration(str(calibration))
     return [
         edge._replace(
             scans=(scan_of.get(f"v{edge.ids[0]}", -1), scan_of.get(f"v{edge.ids[1]}", -1)),

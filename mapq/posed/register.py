@@ -1,4 +1,4 @@
-"""Surfaces of scans, and the motion that brings one onto another: point to plane, coarse to fine, with its information."""
+"""Surfaces of scans, and the motion that brings one onto another, point to plane, with its information."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ SIDE, MOST_THINNED = 0.1, 20_000
 N_NORMALS, N_NEIGHBOURS, N_MOVED = 6000, 12, 800
 """Points of a scan that get a normal, of how many neighbours, and those of them that are matched to other scans."""
 FLATNESS, LINE = 0.04, 0.04
-"""Largest share of the smallest variance of a plane's points of the middle one, and least of that of the largest one."""
+"""Of the points of a plane: largest share of the smallest variance of the middle one, least of that of the largest."""
 LEVEL, LEVEL_SHARE = 0.8, 0.3
 """Upward component of normals of level ground, and the share of it among the points that are matched."""
 REACHES = (1.2, 1.2, 1.2, 0.9, 0.7, 0.5, 0.4, 0.4)
@@ -40,7 +40,7 @@ a shift by a metre must bring more."""
 UNSEEN = 0.01
 """Share of the points whose normals show a direction below which it is not seen: normals have errors."""
 FLOOR, INFLATION, NOISE = 0.02, 30.0, 0.03
-"""Metres: least standard error of a fit; of its variance: residuals of neighbours go together; least noise in metres."""
+"""Metres: least standard error of a fit; factor of its variance, as residuals go together; least noise."""
 
 
 class Surface(NamedTuple):
@@ -141,7 +141,9 @@ def _matches(a: Surface, b: Surface, motion: Floats, reach: float, some: Ints) -
     return _Matches(place, both, ((b.xyz[other] - place) * both).sum(axis=1), len(near))
 
 
-def register(a: Surface, b: Surface, start: Floats, reach: float = SEARCHED, turns: tuple[float, ...] = ()) -> Fit | None:
+def register(
+    a: Surface, b: Surface, start: Floats, reach: float = SEARCHED, turns: tuple[float, ...] = ()
+) -> Fit | None:
     """Return the motion that brings `a` onto `b`, near the motion `start` (4, 4); None if they share no surface.
 
     Where what is found does not fit well, level shifts of up to `reach` metres and `turns` (radians) are tried first.
@@ -184,7 +186,7 @@ def _meeting(a: Surface, b: Surface, place: Floats, normal: Floats) -> Floats:
     is_like = (facing if a.is_oriented and b.is_oriented else np.abs(facing)) > AGREE
     residual = ((place.reshape(-1, 3)[near] - b.xyz[other]) * b.normal[other]).sum(axis=1)
     worth = is_like / (1.0 + (residual / MEETS) ** 2) ** 2
-    return np.bincount(near // len(normal), worth, len(place))
+    return np.bincount(near // len(normal), worth, len(place)).astype(np.float64)
 
 
 def refined(a: Surface, b: Surface, motion: Floats) -> Fit | None:
@@ -207,7 +209,8 @@ def refined(a: Surface, b: Surface, motion: Floats) -> Fit | None:
     share = np.count_nonzero(fits) / len(found.residual)
     at = found.place[fits].mean(axis=0)
     information = _information(found.place[fits] - at, found.normal[fits], found.residual[fits], share)
-    return Fit(motion, moved_by(np.linalg.inv(motion), at[None])[0], information, share, float(np.count_nonzero(fits)))
+    inverse = np.asarray(np.linalg.inv(motion), np.float64)
+    return Fit(motion, moved_by(inverse, at[None])[0], information, share, float(np.count_nonzero(fits)))
 
 
 def _lever(place: Floats) -> float:

@@ -1,4 +1,4 @@
-"""Corrections of scans that make relations of pairs agree: robust least squares, most scans being right where they are."""
+"""Corrections of scans that make relations of pairs agree, by robust least squares; most scans are right."""
 
 from __future__ import annotations
 
@@ -14,6 +14,8 @@ from mapq.posed.register import Fit, Floats, Ints, motion_about, moved_by
 
 RIGHT = np.repeat([0.03, 0.003], 3)
 """Metres and radians by which scans that are right are off."""
+WIDE = np.repeat([0.5, 0.05], 3)
+"""Metres and radians by which those are off that are wrong."""
 SADDLE = 16.0
 """Squared standard deviations at which the weight of a relation, or of a scan's being right, is a quarter."""
 NARROWING, LAST_ROUNDS = 4.0, 6
@@ -171,7 +173,3 @@ def _with_information(
     return Corrections(
         motion, slope, information, np.linalg.solve(wide, vector[..., None])[..., 0], factor.solve(tail)[6 * n :], cost
     )
-
-
-WIDE = np.repeat([0.5, 0.05], 3)
-"""Metres and radians by which scans are off that are wrong."""

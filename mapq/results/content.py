@@ -14,6 +14,7 @@ from mapq.io.results import CLOUD_UNIT
 
 if TYPE_CHECKING:
     from mapq.crf import Terms
+    from mapq.posed.check_poses import CheckedPoses
     from mapq.results.result import Result
 
 LABELS = ("plausible", "suspicious")
@@ -39,7 +40,25 @@ def head_of(result: Result, process: Mapping[str, Any], verdict: Mapping[str, An
         "features": {**result.features.parameters, "n_clipped": result.features.n_clipped},
         "segmentation": {"parameters": result.patches.parameters, "report": result.patches.report},
         "verdict": verdict,
+        **pose_rows(result.poses),
     }
+
+
+def pose_rows(found: CheckedPoses) -> dict[str, Any]:
+    """Return for JSON which scans and edges are wrong, worst first, and the drift of the poses."""
+    edges = [{"from": edge.ids[0], "to": edge.ids[1], **edge._asdict()} for edge in found.edges]
+    return {
+        "scans": [_short(scan._asdict()) for scan in found.scans],
+        "edges": [
+            _short({name: value for name, value in edge.items() if name not in ("ids", "row")}) for edge in edges
+        ],
+        "drift": None if found.drift is None else _short(found.drift._asdict()),
+    }
+
+
+def _short(row: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a row with rounded numbers."""
+    return {name: round(value, DECIMALS) if isinstance(value, float) else value for name, value in row.items()}
 
 
 def cause_row(result: Result, some: NDArray[np.int64] | None = None) -> dict[str, Any]:

@@ -24,6 +24,7 @@ from mapq.labels import SUSPICIOUS, UNLABELLED
 from mapq.model import Model
 from mapq.patches import Patches
 from mapq.picture import Picture, picture_of_points
+from mapq.posed.check_poses import CheckedPoses
 from mapq.report.findings import findings_of
 from mapq.report.page import write_report
 from mapq.results.causes import CAUSES, Cause, find_causes
@@ -81,6 +82,8 @@ class Result:
     origin : Origin
     seen : Seen or None
         None: found from the points.
+    poses : CheckedPoses
+        Which scans, and which edges of their graph, are wrong; empty where these are not known.
     """
 
     patches: Patches
@@ -90,6 +93,7 @@ class Result:
     terms: Terms
     origin: Origin = field(default_factory=Origin)
     seen: Seen | None = None
+    poses: CheckedPoses = field(default_factory=CheckedPoses)
 
     @property
     def label(self) -> NDArray[np.uint8]:
