@@ -274,25 +274,15 @@ def classify_scans(
 
     Parameters
     ----------
-    scans, poses, every, find, merging, options
-        As :func:`read_scans`.
-    model, segmentation, max_false_alarms
-        As :func:`classify`.
+    scans, poses, model, every, find, merging, options, segmentation, max_false_alarms, progress
+        As :func:`read_scans` and :func:`classify`, which also say what is raised.
     graph_out : path, optional
-        The g2o file of the poses is written here without the edges that are more probably wrong than right.
-    force : bool
-        It may replace a file.
-    progress : bool or callable
-        As :func:`segment`.
+        The g2o file of the poses is written here without the edges that are probably wrong. `force`: over a file.
 
     Raises
     ------
-    InputError
-        As :func:`read_scans` and :func:`classify`, and if an edge of the graph cannot be read.
-    UsageError
-        If there are no edges to write.
-    OutputError
-        If the graph exists and may not be replaced, or cannot be written.
+    InputError, UsageError, OutputError
+        If an edge cannot be read, there is none to write, or the graph cannot be written.
     """
     chosen = find or FindSettings()
     whole = _find(scans, poses, chosen, options)

@@ -16,7 +16,7 @@ from mapq.posed.scans import PosedScans
 
 BESIDE = 2
 """Scans before and after each end that are its neighbourhood."""
-RIGHT = np.repeat([0.05, 0.01], 3)
+RIGHT = np.repeat([0.04, 0.006], 3)
 """Metres and radians by which edges that are right are off, ..."""
 WRONG = np.repeat([0.6, 0.1], 3)
 """... and by which those that are wrong are."""

@@ -137,6 +137,39 @@ def _region_cells(findings: Findings, region: Row) -> list[str]:
     ]
 
 
+def pose_tables(findings: Findings) -> str:
+    """Return the section of scans, and of edges of their graph, worst first; nothing where they are not known."""
+    scans, edges = (findings.head.get(name) or () for name in ("scans", "edges"))
+    if not scans:
+        return ""
+    units = "m", "°", "m", ""
+    head = [f"{name} <small>{unit}</small>" for name, unit in zip(("shift", "yaw", "bounds", "p"), units, strict=True)]
+    rows = [
+        (
+            escape(PurePath(str(row["file"])).name),
+            ", ".join(number(row[name], 2) for name in ("dx", "dy", "dz")),
+            number(math.degrees(row["yaw"]), 2),
+            f"{number(row['low'], 2)} to {number(row['high'], 2)}",
+            number(row["p_wrong"], 3),
+        )
+        for row in scans[:MAX_REGIONS]
+    ]
+    text = table(["scan", *head], [("", row) for row in rows], "plain")
+    if edges:
+        off = [
+            (
+                f"{number(row['from'], 0)} to {number(row['to'], 0)}",
+                number(row["error_m"], 2),
+                number(None if row["error_rad"] is None else math.degrees(row["error_rad"]), 2),
+                number(row["p_wrong"], 3),
+            )
+            for row in edges[:MAX_REGIONS]
+        ]
+        text += table(["edge", "off <small>m</small>", "<small>°</small>", "p"], [("", row) for row in off], "plain")
+    note = "The shift and turn that the other scans ask of each, and how far edges are off what the clouds say."
+    return f'<section class="panel"><h2>Scans and edges, worst first</h2><p class="note">{note}</p>{text}</section>'
+
+
 def origin_table(findings: Findings) -> str:
     """Return how the result was made: command, inputs, model, versions."""
     head = findings.head
@@ -263,6 +296,7 @@ def _page(findings: Findings, scene: PageScene, title: str) -> str:
         "share": percent(findings.part("counts").get("share_of_area")),
         "shown": f"{len(scene.points):,} of {scene.n_points:,} points shown, evenly spread",
         "regions": region_table(findings),
+        "poses": pose_tables(findings),
         "made": origin_table(findings),
         "data": packed_json(page_data(findings, head)),
         "scene": packed(numbers),

@@ -83,7 +83,7 @@ class Result:
     seen : Seen or None
         None: found from the points.
     poses : CheckedPoses
-        Which scans, and which edges of their graph, are wrong; empty where these are not known.
+        Scans and edges that are wrong.
     """
 
     patches: Patches
@@ -142,10 +142,8 @@ class Result:
 
     def cloud(self) -> PointCloud:
         """Return all points with the fields of a result."""
-        labelling = self.labelling
-        return result_cloud(
-            self.patches.cloud, self.patches.patch, labelling.label, labelling.probability, self.cause_codes()
-        )
+        found = self.patches
+        return result_cloud(found.cloud, found.patch, self.label, self.probability, self.cause_codes())
 
     def cause_codes(self) -> NDArray[np.uint8] | None:
         """Return the place of each patch's cause (m,) among `CAUSES`, 255 where it is plausible; None if unknown."""
