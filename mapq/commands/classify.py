@@ -35,6 +35,15 @@ EXAMPLES = (
     "mapq classify city/ -o city.classified/ --workers 8",
 )
 
+GraphOut = Annotated[
+    str | None,
+    typer.Option(
+        "--graph-out",
+        metavar="FILE",
+        help="Of scans with --poses in g2o: write that graph without the edges that are probably wrong.",
+    ),
+]
+
 
 @with_settings(Configuration, "cloud", "scans", "segment", "crf.max_false_alarms", "tiles")
 def classify(
@@ -68,14 +77,7 @@ def classify(
             "[20%]",
         ),
     ] = None,
-    graph_out: Annotated[
-        str | None,
-        typer.Option(
-            "--graph-out",
-            metavar="FILE",
-            help="Of scans with --poses in g2o: write that graph without the edges that are probably wrong.",
-        ),
-    ] = None,
+    graph_out: GraphOut = None,
     output: Output = None,
     json: Json = False,
     force: Force = False,
@@ -100,15 +102,11 @@ def classify(
     from mapq.results.result import MIN_COVERAGE
     from prf.shell.cli import console, storage
     from prf.shell.cli.files import STREAM
-    from prf.shell.errors import UsageError
 
     limits = fail_over, MIN_COVERAGE if min_coverage is None else min_coverage
     file, as_scans = inputs[0], are_scans(inputs, settings)
     in_tiles = _are_tiles_wanted(file, as_scans, settings)
-    if in_tiles and as_scans:
-        raise UsageError("scans are merged in memory, not in tiles. Leave --workers and the like out; see --every.")
-    if graph_out is not None and not as_scans:
-        raise UsageError("--graph-out is for scans with poses in g2o.")
+    _refuse_mixed(as_scans, in_tiles, graph_out)
     if in_tiles or (is_tiled(file) and not as_scans):
         target = output or _tiled_target(file)
         result = _classify_tiles(file, target, model, settings, limits, force)
@@ -132,6 +130,16 @@ def _are_tiles_wanted(file: str, as_scans: bool, settings: Loaded[Configuration]
     if typed_keys(settings, "tiles") or as_scans or settings.settings.tiles == TileSettings():
         return bool(typed_keys(settings, "tiles"))
     return file == STREAM or not is_patches(file)
+
+
+def _refuse_mixed(as_scans: bool, in_tiles: bool, graph_out: str | None) -> None:
+    """Refuse tiles of scans, and a graph of anything else."""
+    from prf.shell.errors import UsageError
+
+    if in_tiles and as_scans:
+        raise UsageError("scans are merged in memory, not in tiles. Leave --workers and the like out; see --every.")
+    if graph_out is not None and not as_scans:
+        raise UsageError("--graph-out is for scans whose poses are a g2o file. Leave it out.")
 
 
 def _classify(

@@ -9,7 +9,7 @@ from scipy.sparse import csr_matrix
 
 from mapq.axes import TO_SENSOR
 from mapq.cloud import PointCloud
-from mapq.posed.register import Floats, Surface, register, surface_of
+from mapq.posed.register import Floats, ScanSurface, register, surface_of
 from mapq.posed.scans import PosedScans, driven
 from mapq.posed.solve import RIGHT, WIDE, Corrections, Relation, solve
 
@@ -53,10 +53,10 @@ class Drift(NamedTuple):
     unit: str  # ``m/m`` or ``m/min``
 
 
-class Scene(NamedTuple):
+class PlacedScans(NamedTuple):
     """Scans as they are compared, in the frame of the map's points."""
 
-    surfaces: tuple[Surface, ...]
+    surfaces: tuple[ScanSurface, ...]
     places: Floats  # (k, 3) of the sensors
 
 
@@ -65,7 +65,7 @@ class CheckedScans(NamedTuple):
 
     rows: tuple[ScanMotion, ...]  # worst first
     drift: Drift | None
-    scene: Scene
+    scene: PlacedScans
     corrections: Corrections
 
 
@@ -85,7 +85,7 @@ def check_scans(cloud: PointCloud, scans: PosedScans) -> CheckedScans:
     return CheckedScans(tuple(row for _, row in rows), drift, scene, found)
 
 
-def scene_of(cloud: PointCloud, poses: Floats) -> Scene:
+def scene_of(cloud: PointCloud, poses: Floats) -> PlacedScans:
     """Return the surfaces of the scans of a map."""
     places = poses[:, :3, 3] - cloud.shift * cloud.unit
     number = np.asarray(cloud.fields["scan"], np.int64)
@@ -95,10 +95,10 @@ def scene_of(cloud: PointCloud, poses: Floats) -> Scene:
     surfaces = [
         surface_of(cloud.xyz[rows], place if is_seen else None) for rows, place in zip(groups, places, strict=True)
     ]
-    return Scene(tuple(surfaces), places)
+    return PlacedScans(tuple(surfaces), places)
 
 
-def pairs_of(scene: Scene) -> list[tuple[int, int]]:
+def pairs_of(scene: PlacedScans) -> list[tuple[int, int]]:
     """Return the pairs of scans that are compared: neighbours in time, and those that overlap most."""
     n = len(scene.surfaces)
     cells = np.concatenate([np.floor(each.xyz / CELL).astype(np.int64) for each in scene.surfaces])
@@ -120,7 +120,7 @@ def pairs_of(scene: Scene) -> list[tuple[int, int]]:
     return sorted(pairs)
 
 
-def relate(scene: Scene, one: int, other: int) -> Relation | None:
+def relate(scene: PlacedScans, one: int, other: int) -> Relation | None:
     """Return what two scans say of each other; None if they share no surface."""
     fit = register(scene.surfaces[one], scene.surfaces[other], np.eye(4))
     return None if fit is None else Relation(one, other, fit)

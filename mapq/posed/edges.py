@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from mapq.cloud import PointCloud
 from mapq.posed.check_scans import PRIOR, CheckedScans, log_odds_wrong, probability_of
 from mapq.posed.graph import GraphEdge
-from mapq.posed.register import GOOD, Fit, Floats, Surface, joined_surface, moved_by, refined, register
+from mapq.posed.register import GOOD, Alignment, Floats, ScanSurface, joined_surface, moved_by, refined, register
 from mapq.posed.scans import PosedScans
 
 BESIDE = 2
@@ -54,13 +54,13 @@ def check_edges(
     return tuple(row for _, row in rows)
 
 
-def _moved(surface: Surface, motion: Floats) -> Surface:
+def _moved(surface: ScanSurface, motion: Floats) -> ScanSurface:
     """Return a surface after a motion."""
     normal = surface.normal @ motion[:3, :3].T
     return joined_surface(moved_by(motion, surface.xyz), normal, surface.is_oriented)
 
 
-def _checked(surfaces: Sequence[Surface], poses: Floats, edge: GraphEdge) -> tuple[float, EdgeError]:
+def _checked(surfaces: Sequence[ScanSurface], poses: Floats, edge: GraphEdge) -> tuple[float, EdgeError]:
     """Return the log-odds that an edge is wrong, and its row."""
     prior = float(np.log(PRIOR / (1.0 - PRIOR)))
     unknown = prior, EdgeError(edge.ids, None, None, PRIOR, edge.row)
@@ -81,7 +81,7 @@ def _checked(surfaces: Sequence[Surface], poses: Floats, edge: GraphEdge) -> tup
     return log_odds, EdgeError(edge.ids, off, float(np.linalg.norm(turn)), probability_of(log_odds), edge.row)
 
 
-def _around(surfaces: Sequence[Surface], end: int, other: int) -> Surface:
+def _around(surfaces: Sequence[ScanSurface], end: int, other: int) -> ScanSurface:
     """Return the surfaces of an end of an edge and of the scans about it that are not closer to the other end."""
     near = range(max(end - BESIDE, 0), min(end + BESIDE + 1, len(surfaces)))
     parts = [surfaces[scan] for scan in near if abs(scan - end) < abs(scan - other)]
@@ -89,7 +89,7 @@ def _around(surfaces: Sequence[Surface], end: int, other: int) -> Surface:
     return joined_surface(xyz, normal, all(part.is_oriented for part in parts))
 
 
-def _best_fit(one: Surface, other: Surface, claimed: Floats) -> Fit | None:
+def _best_fit(one: ScanSurface, other: ScanSurface, claimed: Floats) -> Alignment | None:
     """Return the best fit of the other neighbourhood on the one, near its place and near the claimed one."""
     found = [refined(other, one, np.eye(4)), refined(other, one, claimed)]
     if not any(fit is not None and fit.share >= GOOD for fit in found):

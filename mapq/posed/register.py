@@ -43,7 +43,7 @@ FLOOR, INFLATION, NOISE = 0.02, 30.0, 0.03
 """Metres: least standard error of a fit; factor of its variance, as residuals go together; least noise."""
 
 
-class Surface(NamedTuple):
+class ScanSurface(NamedTuple):
     """Points of a scan, or of several, on planes."""
 
     xyz: Floats  # (n, 3)
@@ -58,7 +58,7 @@ class Surface(NamedTuple):
         return np.asarray(self.xyz[self.moved].mean(axis=0) if len(self.moved) else np.zeros(3))
 
 
-class Fit(NamedTuple):
+class Alignment(NamedTuple):
     """A motion that brings a surface onto another."""
 
     motion: Floats  # (4, 4)
@@ -68,7 +68,7 @@ class Fit(NamedTuple):
     n_fitting: float  # points that lie on it
 
 
-def surface_of(xyz: Floats, sensor: Floats | None) -> Surface:
+def surface_of(xyz: Floats, sensor: Floats | None) -> ScanSurface:
     """Return the planes of a scan: points (n, 3), seen from `sensor` (3); None where that is not known."""
     side = SIDE
     thinned = xyz
@@ -85,13 +85,13 @@ def surface_of(xyz: Floats, sensor: Floats | None) -> Surface:
     return joined_surface(some, normal, sensor is not None)
 
 
-def joined_surface(xyz: Floats, normal: Floats, is_oriented: bool) -> Surface:
+def joined_surface(xyz: Floats, normal: Floats, is_oriented: bool) -> ScanSurface:
     """Return the surface of points (n, 3) with normals (n, 3)."""
     level = np.abs(normal[:, 2]) > LEVEL if len(xyz) else np.zeros(0, bool)
     upright, flat = np.flatnonzero(~level), np.flatnonzero(level)
     n_flat = int(max(LEVEL_SHARE * N_MOVED, N_MOVED - len(upright)))
     parts = [part[:: 1 + len(part) // most] for part, most in ((upright, N_MOVED), (flat, n_flat))]
-    return Surface(xyz, normal, np.concatenate(parts), cKDTree(xyz), is_oriented)
+    return ScanSurface(xyz, normal, np.concatenate(parts), cKDTree(xyz), is_oriented)
 
 
 def _normals(xyz: Floats, some: Floats) -> tuple[Floats, NDArray[np.bool_]]:
@@ -127,7 +127,7 @@ class _Matches(NamedTuple):
     beside: int  # points that have any of the other surface beside them
 
 
-def _matches(a: Surface, b: Surface, motion: Floats, reach: float, some: Ints) -> _Matches:
+def _matches(a: ScanSurface, b: ScanSurface, motion: Floats, reach: float, some: Ints) -> _Matches:
     """Return some points of `a`, moved, that have a surface of `b` with a like normal within `reach` metres."""
     place, normal = moved_by(motion, a.xyz[some]), a.normal[some] @ motion[:3, :3].T
     distance, other = b.tree.query(place, distance_upper_bound=reach)
@@ -142,8 +142,8 @@ def _matches(a: Surface, b: Surface, motion: Floats, reach: float, some: Ints) -
 
 
 def register(
-    a: Surface, b: Surface, start: Floats, reach: float = SEARCHED, turns: tuple[float, ...] = ()
-) -> Fit | None:
+    a: ScanSurface, b: ScanSurface, start: Floats, reach: float = SEARCHED, turns: tuple[float, ...] = ()
+) -> Alignment | None:
     """Return the motion that brings `a` onto `b`, near the motion `start` (4, 4); None if they share no surface.
 
     Where what is found does not fit well, level shifts of up to `reach` metres and `turns` (radians) are tried first.
@@ -156,7 +156,7 @@ def register(
     return other if fit is None or (other is not None and other.n_fitting > 1.1 * fit.n_fitting) else fit
 
 
-def _searched(a: Surface, b: Surface, start: Floats, reach: float, turns: tuple[float, ...]) -> Floats | None:
+def _searched(a: ScanSurface, b: ScanSurface, start: Floats, reach: float, turns: tuple[float, ...]) -> Floats | None:
     """Return the shifted and turned start at which most points lie on surfaces; None if none is better."""
     some = a.moved[:: 1 + len(a.moved) // N_SEARCHED]
     place, normal = moved_by(start, a.xyz[some]), a.normal[some] @ start[:3, :3].T
@@ -177,7 +177,7 @@ def _searched(a: Surface, b: Surface, start: Floats, reach: float, turns: tuple[
     return found
 
 
-def _meeting(a: Surface, b: Surface, place: Floats, normal: Floats) -> Floats:
+def _meeting(a: ScanSurface, b: ScanSurface, place: Floats, normal: Floats) -> Floats:
     """Return how many (t,) of the points of `a`, at tried places (t, m, 3), lie on surfaces of `b`."""
     distance, other = b.tree.query(place.reshape(-1, 3), distance_upper_bound=BESIDE)
     near = np.flatnonzero(np.isfinite(distance))
@@ -189,7 +189,7 @@ def _meeting(a: Surface, b: Surface, place: Floats, normal: Floats) -> Floats:
     return np.bincount(near // len(normal), worth, len(place)).astype(np.float64)
 
 
-def refined(a: Surface, b: Surface, motion: Floats) -> Fit | None:
+def refined(a: ScanSurface, b: ScanSurface, motion: Floats) -> Alignment | None:
     """Return the motion that robust least squares find from a start; None if too few points match."""
     for reach, scale in zip(REACHES, SCALES, strict=True):
         found = _matches(a, b, motion, reach, a.moved)
@@ -210,7 +210,7 @@ def refined(a: Surface, b: Surface, motion: Floats) -> Fit | None:
     at = found.place[fits].mean(axis=0)
     information = _information(found.place[fits] - at, found.normal[fits], found.residual[fits], share)
     inverse = np.asarray(np.linalg.inv(motion), np.float64)
-    return Fit(motion, moved_by(inverse, at[None])[0], information, share, float(np.count_nonzero(fits)))
+    return Alignment(motion, moved_by(inverse, at[None])[0], information, share, float(np.count_nonzero(fits)))
 
 
 def _lever(place: Floats) -> float:

@@ -10,7 +10,7 @@ from scipy.sparse import coo_matrix, csc_matrix
 from scipy.sparse.linalg import SuperLU, splu
 from scipy.spatial.transform import Rotation
 
-from mapq.posed.register import Fit, Floats, Ints, motion_about, moved_by
+from mapq.posed.register import Alignment, Floats, Ints, motion_about, moved_by
 
 RIGHT = np.repeat([0.03, 0.003], 3)
 """Metres and radians by which scans that are right are off."""
@@ -29,7 +29,7 @@ class Relation(NamedTuple):
 
     one: int
     other: int
-    fit: Fit
+    fit: Alignment
 
 
 class Corrections(NamedTuple):
