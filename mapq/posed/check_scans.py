@@ -25,7 +25,7 @@ LEVER = 10.0
 """Metres off a scan at which its turns count as shifts."""
 STANDING = 1.0
 """Metres: on a shorter way motions grow with time."""
-LINE_GAIN = 15.0
+LINE_GAIN = 5.0
 """Of the cost (squared standard deviations) by which a line has to explain motions better than single scans do."""
 BOUND = 1.96
 

@@ -16,15 +16,15 @@ Ints = NDArray[np.int64]
 
 SIDE, MOST_THINNED = 0.1, 20_000
 """Metres: side of the cubes that keep one point of a scan; larger ones until so many are left."""
-N_NORMALS, N_NEIGHBOURS, N_MOVED = 6000, 12, 800
+N_NORMALS, N_NEIGHBOURS, N_MOVED = 5000, 12, 600
 """Points of a scan that get a normal, of how many neighbours, and those of them that are matched to other scans."""
 FLATNESS, LINE = 0.04, 0.04
 """Of the points of a plane: largest share of the smallest variance of the middle one, least of that of the largest."""
 LEVEL, LEVEL_SHARE = 0.8, 0.3
 """Upward component of normals of level ground, and the share of it among the points that are matched."""
-REACHES = (1.2, 1.2, 1.2, 0.9, 0.7, 0.5, 0.4, 0.4)
+REACHES = (1.2, 1.2, 1.0, 0.8, 0.6, 0.4, 0.4)
 """Metres within which a point is matched, round by round, ..."""
-SCALES = (0.6, 0.4, 0.3, 0.2, 0.15, 0.1, 0.08, 0.08)
+SCALES = (0.6, 0.4, 0.3, 0.2, 0.12, 0.08, 0.08)
 """... and at which residual its weight is a quarter."""
 AGREE = 0.8
 """Cosine of the angle between normals of points that may be one surface."""

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.sparse import coo_matrix, csc_matrix
-from scipy.sparse.linalg import SuperLU, splu
+from scipy.sparse.linalg import splu
 from scipy.spatial.transform import Rotation
 
 from mapq.posed.register import Alignment, Floats, Ints, motion_about, moved_by
@@ -18,10 +18,12 @@ WIDE = np.repeat([0.5, 0.05], 3)
 """Metres and radians by which those are off that are wrong."""
 SADDLE = 16.0
 """Squared standard deviations at which the weight of a relation, or of a scan's being right, is a quarter."""
+TRUST = 0.1
+"""What the prior of a scan counts, beside a relation: rather are many scans moved than relations called wrong."""
 NARROWING, LAST_ROUNDS = 4.0, 6
 """Factor by which that shrinks from round to round, and rounds after it did."""
-CHUNK = 64
-"""Scans whose variances are found together."""
+MOST_DENSE = 300
+"""Scans up to which a full inverse is quicker than one scan after the other."""
 
 
 class Relation(NamedTuple):
@@ -78,20 +80,20 @@ def solve(relations: Sequence[Relation], places: Floats, along: Floats | None = 
         top = max(float(part.max(initial=0.0)) for part in squares)
         scale = max(min(scale / NARROWING, top), SADDLE)
         last -= scale == SADDLE
-        weights = [(scale / (scale + part)) ** 2 for part in squares]
+        weights = [factor * (scale / (scale + part)) ** 2 for factor, part in zip((1.0, TRUST), squares, strict=True)]
         jacobian, prior = _jacobian(system, motion, places), _prior(n, line)
         counted = [np.repeat(part, 6) for part in weights]
         normal = (jacobian.T.multiply(counted[0]) @ jacobian + prior.T.multiply(counted[1]) @ prior).tocsc()
         normal += _pins(n, along is None)
         right = -(jacobian.T @ (counted[0] * error.ravel()) + prior.T @ (counted[1] * off.ravel()))
-        factor = splu(normal)
-        step = factor.solve(right)
+        step = splu(normal).solve(right)
         slope = slope + step[6 * n :]
         for scan in range(n):
             about = moved_by(motion[scan], places[scan][None])[0]
             motion[scan] = motion_about(about, step[6 * scan : 6 * scan + 6]) @ motion[scan]
-    cost = sum(float((SADDLE * part / (SADDLE + part)).sum()) for part in squares)
-    return _with_information(motion, slope, places, factor, weights[1] * (along is None), cost)
+    costs = [float((SADDLE * part / (SADDLE + part)).sum()) for part in squares]
+    cost = costs[0] + TRUST * costs[1]
+    return _with_information(motion, slope, places, normal, weights[1] * (along is None), cost)
 
 
 def _arrays(relations: Sequence[Relation]) -> _System:
@@ -151,25 +153,32 @@ def _pins(n: int, no_line: bool) -> csc_matrix:
 
 
 def _with_information(
-    motion: Floats, slope: Floats, places: Floats, factor: SuperLU, own: Floats, cost: float
+    motion: Floats, slope: Floats, places: Floats, normal: csc_matrix, own: Floats, cost: float
 ) -> Corrections:
     """Return the corrections, with what others say of each scan: without the `own` weight (n,) of its prior."""
-    n = len(places)
-    covariance = np.zeros((n, 6, 6))
-    for begin in range(0, n, CHUNK):
-        end = min(begin + CHUNK, n)
-        unit = np.zeros((6 * n + 6, 6 * (end - begin)))
-        unit[6 * begin : 6 * end] = np.eye(6 * (end - begin))
-        block = factor.solve(unit)[6 * begin : 6 * end].reshape(end - begin, 6, end - begin, 6)
-        covariance[begin:end] = block[np.arange(end - begin), :, np.arange(end - begin)]
+    covariance, last = _blocks_of_inverse(normal)
     twist = _twists(motion, places)
     whole = np.linalg.inv(covariance)
     vector = np.einsum("nij,nj->ni", whole, twist)
     values, axes = np.linalg.eigh(whole - own[:, None, None] * np.diag(RIGHT**-2.0))
     information = np.einsum("nij,nj,nkj->nik", axes, np.maximum(values, 0.0), axes)
     wide = information + np.diag(WIDE**-2.0)
-    tail = np.zeros((6 * n + 6, 6))
-    tail[6 * n :] = np.eye(6)
-    return Corrections(
-        motion, slope, information, np.linalg.solve(wide, vector[..., None])[..., 0], factor.solve(tail)[6 * n :], cost
-    )
+    return Corrections(motion, slope, information, np.linalg.solve(wide, vector[..., None])[..., 0], last, cost)
+
+
+def _blocks_of_inverse(normal: csc_matrix) -> tuple[Floats, Floats]:
+    """Return the blocks (n, 6, 6) on the diagonal of the inverse of a matrix (6n + 6, 6n + 6), and the last one."""
+    n = normal.shape[0] // 6
+    blocks = np.zeros((n, 6, 6))
+    factor = splu(normal) if n > MOST_DENSE else None
+    whole = np.linalg.inv(normal.toarray()) if factor is None else None
+    for k in range(n):
+        at = slice(6 * k, 6 * k + 6)
+        if factor is None:
+            assert whole is not None
+            blocks[k] = whole[at, at]
+        else:
+            unit = np.zeros((6 * n, 6))
+            unit[at] = np.eye(6)
+            blocks[k] = factor.solve(unit)[at]
+    return blocks[:-1], blocks[-1]
