@@ -11,11 +11,21 @@ from scipy.spatial.transform import Rotation
 from mapq.cloud import PointCloud
 from mapq.posed.check_scans import PRIOR, CheckedScans, log_odds_wrong, probability_of
 from mapq.posed.graph import GraphEdge
-from mapq.posed.register import GOOD, Alignment, Floats, ScanSurface, joined_surface, moved_by, refined, register
+from mapq.posed.register import (
+    GOOD,
+    Alignment,
+    Floats,
+    ScanSurface,
+    joined_surface,
+    moved_by,
+    refined,
+    register,
+    shared_part,
+)
 from mapq.posed.scans import PosedScans
 
-BESIDE = 2
-"""Scans before and after each end that are its neighbourhood."""
+BESIDE, NEIGHBOURING = 2, 10.0
+"""Scans before and after each end that are its neighbourhood, and metres within which they have to be."""
 RIGHT = np.repeat([0.04, 0.006], 3)
 """Metres and radians by which edges that are right are off, ..."""
 WRONG = np.repeat([0.6, 0.1], 3)
@@ -68,7 +78,8 @@ def _checked(surfaces: Sequence[ScanSurface], poses: Floats, edge: GraphEdge) ->
     if min(one, other) < 0 or one == other:
         return unknown
     claimed = poses[one] @ edge.motion @ np.linalg.inv(poses[other])
-    fit = _best_fit(_around(surfaces, one, other), _around(surfaces, other, one), claimed)
+    places = poses[:, :3, 3]
+    fit = _best_fit(_around(surfaces, places, one, other), _around(surfaces, places, other, one), claimed)
     if fit is None:
         return unknown
     apart = claimed @ np.linalg.inv(fit.motion)
@@ -81,16 +92,18 @@ def _checked(surfaces: Sequence[ScanSurface], poses: Floats, edge: GraphEdge) ->
     return log_odds, EdgeError(edge.ids, off, float(np.linalg.norm(turn)), probability_of(log_odds), edge.row)
 
 
-def _around(surfaces: Sequence[ScanSurface], end: int, other: int) -> ScanSurface:
+def _around(surfaces: Sequence[ScanSurface], places: Floats, end: int, other: int) -> ScanSurface:
     """Return the surfaces of an end of an edge and of the scans about it that are not closer to the other end."""
     near = range(max(end - BESIDE, 0), min(end + BESIDE + 1, len(surfaces)))
-    parts = [surfaces[scan] for scan in near if abs(scan - end) < abs(scan - other)]
+    far = np.linalg.norm(places - places[end], axis=1) > NEIGHBOURING
+    parts = [surfaces[scan] for scan in near if abs(scan - end) < abs(scan - other) and not far[scan]]
     xyz, normal = (np.concatenate([part[k] for part in parts]) for k in (0, 1))
     return joined_surface(xyz, normal, all(part.is_oriented for part in parts))
 
 
 def _best_fit(one: ScanSurface, other: ScanSurface, claimed: Floats) -> Alignment | None:
     """Return the best fit of the other neighbourhood on the one, near its place and near the claimed one."""
+    other = shared_part(other, one, [np.eye(4), claimed])
     found = [refined(other, one, np.eye(4)), refined(other, one, claimed)]
     if not any(fit is not None and fit.share >= GOOD for fit in found):
         found.append(register(other, one, np.eye(4), REACH, TURNS))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -26,10 +27,14 @@ REACHES = (1.2, 1.2, 1.0, 0.8, 0.6, 0.4, 0.4)
 """Metres within which a point is matched, round by round, ..."""
 SCALES = (0.6, 0.4, 0.3, 0.2, 0.12, 0.08, 0.08)
 """... and at which residual its weight is a quarter."""
+LEAST_REACH = 2.0
+"""Spacings of the points of a surface within which a point is matched at least."""
 AGREE = 0.8
 """Cosine of the angle between normals of points that may be one surface."""
 FEWEST = 40
 """Matched points below which scans share no surface."""
+NEAR = 2.0
+"""Metres off the surface of one scan at which a point of another may belong to it."""
 FITS, GOOD = 0.1, 0.75
 """Metres off a plane at which a point fits it; share of matched points that fit from which no start is searched."""
 SEARCHED, N_SEARCHED, STEP = 0.8, 80, 0.2
@@ -51,6 +56,7 @@ class ScanSurface(NamedTuple):
     moved: Ints  # (m,) those that are matched to others
     tree: cKDTree
     is_oriented: bool
+    spacing: float  # metres between neighbours, in the median
 
     @property
     def centre(self) -> Floats:
@@ -87,11 +93,26 @@ def surface_of(xyz: Floats, sensor: Floats | None) -> ScanSurface:
 
 def joined_surface(xyz: Floats, normal: Floats, is_oriented: bool) -> ScanSurface:
     """Return the surface of points (n, 3) with normals (n, 3)."""
-    level = np.abs(normal[:, 2]) > LEVEL if len(xyz) else np.zeros(0, bool)
-    upright, flat = np.flatnonzero(~level), np.flatnonzero(level)
+    tree, some = cKDTree(xyz), _chosen(normal, np.arange(len(xyz)))
+    spacing = float(np.median(tree.query(xyz[some], k=2)[0][:, 1])) if len(xyz) > 1 else 0.0
+    return ScanSurface(xyz, normal, some, tree, is_oriented, spacing)
+
+
+def _chosen(normal: Floats, rows: Ints) -> Ints:
+    """Return those of some rows (k,) of a surface that are matched to others: of level ground not too many."""
+    level = np.abs(normal[rows, 2]) > LEVEL
+    upright, flat = rows[~level], rows[level]
     n_flat = int(max(LEVEL_SHARE * N_MOVED, N_MOVED - len(upright)))
     parts = [part[:: 1 + len(part) // most] for part, most in ((upright, N_MOVED), (flat, n_flat))]
-    return ScanSurface(xyz, normal, np.concatenate(parts), cKDTree(xyz), is_oriented)
+    return np.concatenate(parts)
+
+
+def shared_part(a: ScanSurface, b: ScanSurface, motions: Sequence[Floats]) -> ScanSurface:
+    """Return `a` with those of its points matched that one of some motions (4, 4) puts beside `b`."""
+    near = np.zeros(len(a.xyz), bool)
+    for motion in motions:
+        near |= np.isfinite(b.tree.query(moved_by(motion, a.xyz), distance_upper_bound=NEAR)[0])
+    return a._replace(moved=_chosen(a.normal, np.flatnonzero(near)))
 
 
 def _normals(xyz: Floats, some: Floats) -> tuple[Floats, NDArray[np.bool_]]:
@@ -130,7 +151,7 @@ class _Matches(NamedTuple):
 def _matches(a: ScanSurface, b: ScanSurface, motion: Floats, reach: float, some: Ints) -> _Matches:
     """Return some points of `a`, moved, that have a surface of `b` with a like normal within `reach` metres."""
     place, normal = moved_by(motion, a.xyz[some]), a.normal[some] @ motion[:3, :3].T
-    distance, other = b.tree.query(place, distance_upper_bound=reach)
+    distance, other = b.tree.query(place, distance_upper_bound=max(reach, LEAST_REACH * b.spacing))
     near = np.flatnonzero(np.isfinite(distance))
     place, normal, other = place[near], normal[near], other[near]
     facing = (normal * b.normal[other]).sum(axis=1)
