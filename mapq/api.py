@@ -38,7 +38,7 @@ from mapq.segmentation import STAGES
 from mapq.segmentation import segment as cut
 from prf.shell.cli.console import ProgressCallback, reported
 from prf.shell.cli.outputs import refuse_existing
-from prf.shell.errors import ArgumentError
+from prf.shell.errors import ArgumentError, UsageError
 
 logger = logging.getLogger(__name__)
 
@@ -293,8 +293,7 @@ def classify_scans(
         refuse_existing(graph_out, force)
     with reported(progress, len(some), "merging scans") as reporter:
         cloud = merge_scans(some, merging, reporter)
-    patches = segment(cloud, segmentation, progress=progress)
-    result = classify(patches, model, max_false_alarms=max_false_alarms)
+    result = classify(cloud, model, max_false_alarms=max_false_alarms, segmentation=segmentation, progress=progress)
     checked = check_poses(cloud, some, edges)
     if graph_out is not None:
         write_without(whole.poses_from, os.fspath(graph_out), checked.wrong_rows)
