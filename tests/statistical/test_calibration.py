@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 import prf.sampler.tiles.rounds as schedule
 from prf.model.arak import exact_draws
 from prf.model.coloring import Coloring, Draws, black_areas, black_at, black_at_draws
+from prf.model.points import log_density
 from prf.model.window import Window
 from prf.sampler.target import Execution, PointData, SonarData, Target
 from tests.reference.beams import Sensor
@@ -177,7 +178,7 @@ CASES = {"gaussian, scattered": Case(Normal(sigma=0.8), False), "binary, lattice
 
 def point_values(draws: Draws, data: PointData) -> NDArray[np.float64]:
     """Numbers of each map, (n_draws, len(POINT_NAMES))."""
-    density = data.model.log_density(data.readings.value)
+    density = log_density(data.model, data.readings.value)
     told = np.where(black_at_draws(draws, data.readings.xy), density[:, 1], density[:, 0]).sum(axis=1)
     return np.column_stack([draws.n_edges, draws.total_length(), black_areas(draws), told])
 
@@ -188,8 +189,7 @@ def point_world(case: Case, sharper: float, number: int) -> World:
     truth = exact_draws(POINT_SCALE, POINT_ROOM, 1, rng)[0]
     xy = lattice(6, 0.0, 4.0) if case.on_lattice else rng.uniform(POINT_ROOM[:2], POINT_ROOM[2:], (N_POINTS, 2))
     data = observe(truth, case.law, xy, rng)
-    model = dataclasses.replace(
-        data.model,
+    model = data.model.replace(
         sigma=None if data.model.sigma is None else data.model.sigma / sharper,
         flip_probability=data.model.flip_probability / sharper,
     )
