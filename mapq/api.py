@@ -6,6 +6,7 @@ import dataclasses
 import logging
 import os
 from collections.abc import Mapping, Sequence
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -141,7 +142,7 @@ def point_cloud(
         raise ArgumentError(f"xyz: has shape {world.shape}, must be (n, 3).")
     if not np.isfinite(world).all(axis=1).any():
         raise ArgumentError("xyz: no point is finite.")
-    if not (isinstance(unit, int | float) and np.isfinite(unit) and unit > 0.0):
+    if not (isinstance(unit, Real) and np.isfinite(float(unit)) and unit > 0.0):
         raise ArgumentError(f"unit {unit}: must be a length above 0, in metres.")
     columns = {name: np.asarray(values) for name, values in (fields or {}).items()}
     for name, values in columns.items():
@@ -380,7 +381,7 @@ def _model(model: Model | Path | None, max_false_alarms: float | None) -> tuple[
         used, origin = read_model(model), Origin(model=name, files=(name,))
     if max_false_alarms is None:
         return used, origin
-    if not (isinstance(max_false_alarms, int | float) and 0.0 <= max_false_alarms <= 1.0):
+    if not (isinstance(max_false_alarms, Real) and 0.0 <= max_false_alarms <= 1.0):
         raise ArgumentError(f"max_false_alarms {max_false_alarms}: must be a share between 0 and 1, such as 0.05.")
     return with_false_alarms(used, max_false_alarms, name), origin
 

@@ -102,7 +102,7 @@ class ReadingOptions(Table):
     skip_scans: str | None = key(None, "", "all scans but these, START:STOP:STEP", flag="START:STOP:STEP")
 
     def selection(self) -> dict[str, Any]:
-        """Return which scans and beams to take, as arguments of :func:`prf.readings.ground`."""
+        """Return which scans and beams to take, as arguments of :func:`prf.readings.ground.thin`."""
         return self.model_dump(include={"every_scan", "every_beam", "scans", "skip_scans"})
 
 

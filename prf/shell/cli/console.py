@@ -272,7 +272,7 @@ def plain_line(
     left: float | None,
     fields: dict[str, object],
 ) -> str:
-    """Return one line of progress without control characters; without a `total` there is no share and no time left."""
+    """Return one line of progress without control characters; share and time left need a `total`."""
     parts = [description]
     if total:
         parts.append(f"{100 * completed / total:.0f} %")
