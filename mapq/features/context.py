@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 
 from mapq.configuration import FeatureSettings
 from mapq.features.copies import COLUMNS, copy_columns, nearby_points
-from mapq.features.disagreement import Disagreement, Known, joined, known_of, measure_disagreement, moments_of, ways_of
+from mapq.features.disagreement import Known, joined, known_of, measure_disagreement, moments_of, ways_of
 from mapq.features.pairs import EDGE_NAMES, PatchGraph, smaller_first
+from mapq.features.scan_ranges import Disagreement
 from mapq.features.shape import PatchShapes
 from mapq.patches import Patches
 

@@ -13,15 +13,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
-from scipy.special import ndtri
 from threadpoolctl import threadpool_limits
 
 from mapq.axes import TO_SENSOR as TO_SENSOR
 from mapq.cloud import PointCloud
 from mapq.features.copies import FARTHEST
+from mapq.features.scan_ranges import Disagreement, Window, jacobian_of, write_ranges
 from mapq.features.shape import PatchShapes
-from mapq.kernels.scan_layers import CELL_SPACINGS, LARGEST_CELL, SMALLEST_CELL, Motions, find_layers, find_sightings
-from mapq.kernels.scan_motions import fit_motions, match_scans, ranges_of_cells
+from mapq.kernels.scan_layers import Motions, find_layers, find_sightings
+from mapq.kernels.scan_motions import fit_motions, match_scans
+from mapq.kernels.scan_views import find_views
 from mapq.kernels.voxels import Nearby
 from mapq.patches import Patches
 
@@ -144,44 +145,16 @@ PRIOR_SHIFT, PRIOR_TURN, PRIOR_TILT = 0.3, 0.03, 0.005
 BEND = 0.01
 """Metres by which a scan may have a surface otherwise than a rigid one would."""
 INLIER = 0.25
-"""Robust weight from which a scan sees the surface."""
+"""Robust weight from which a sighting agrees with the motions."""
 INFLATION = 4.0
 """Of the variances of motions: residuals of neighbouring cells go together."""
-FLOOR = 0.022
-"""Metres: least standard error, as scans are not quite rigid and right poses not quite right."""
-SEEN_NEAR = (0.6, 1.3, 2.5)
-"""Sides of a cell within which a scan that sees the surface sees the cell: at least, as counted, and at most."""
 ROUNDS = (2.0, 1.0)
 """Widths of a layer, in times that of noise, of the rounds in which sightings are looked for and motions fitted."""
-PATCH, CELL, MOMENT, PLACE, HEIGHT, N_POINTS, SQUARES, N_OWN = 0, 1, 2, slice(3, 6), 6, 7, 8, 9
+PATCH, CELL, MOMENT, PLACE, HEIGHT, N_POINTS, SQUARES = 0, 1, 2, slice(3, 6), 6, 7, 8
 """Columns of layers (up to the height) and sightings."""
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
-
-
-class Disagreement(NamedTuple):
-    """How far scans disagree on each patch."""
-
-    # (m,) the disagreement with bounds that hold it in 95 of 100; nan where one scan alone saw the patch
-    metres: Floats
-    low: Floats  # (m,)
-    high: Floats  # (m,)
-    n_scans: Floats  # (m,) scans that see it, in the median over its cells; nan likewise
-    shared: Floats  # (m,) share of its points in cells that several scans see; nan likewise
-
-    @classmethod
-    def unknown(cls, n_patches: int) -> Disagreement:
-        """Return what is known where scans are not."""
-        return cls(*(np.full(n_patches, np.nan) for _ in cls._fields))
-
-
-class Window(NamedTuple):
-    """A neighbourhood: its scans (s,), ascending, and their motions (s, 6) about its centre."""
-
-    centre: Floats
-    scans: Ints
-    motion: Floats
 
 
 def measure_disagreement(
@@ -202,18 +175,21 @@ def measure_disagreement(
     owner = cKDTree(centres).query(shapes.centre)[1]
     windows = [match(shapes, layers, rows, centre) for rows, centre in _inside(layers, centres)]
     del layers
-    patches_of = np.split(np.argsort(owner, kind="stable"), np.cumsum(np.bincount(owner, minlength=len(centres)))[:-1])
     width = max(NOISE_WIDTHS * noise, THINNEST)
     for wider in ROUNDS:
         motions = _motions(owner, windows)
         sightings = find_sightings(*about, motions, wider * width)
+        is_last = wider == ROUNDS[-1]
+        if is_last:
+            views, found.shared[:] = find_views(*about, motions, width)
+            found.n_scans[:] = 0.0
+            views_of = _by_window(owner[views[:, 0].astype(np.int64)], len(centres))
         # Threads cost small matrices far more than they bring.
         with threadpool_limits(1):
             for place, (rows, _) in enumerate(_inside(sightings, centres)):
-                fitted = fit(shapes, sightings, rows, windows[place], motions)
-                windows[place] = fitted.window
-                if wider == ROUNDS[-1]:
-                    _judge(found, shapes, sightings, fitted, patches_of[place])
+                windows[place], covariance = fit(shapes, sightings, rows, windows[place], motions)
+                if is_last:
+                    write_ranges(found, shapes.normal, views[views_of[place]], windows[place], covariance)
     return found
 
 
@@ -254,39 +230,32 @@ def match(shapes: PatchShapes, layers: Floats, rows: Ints, centre: Floats) -> Wi
         axes = np.array([level, np.cross(shapes.up, level), shapes.up])
         first = np.append(first, len(some)).astype(np.int64)
         height, weight = (np.ascontiguousarray(column) for column in (some[:, HEIGHT], some[:, N_POINTS]))
-        jacobian = jacobian_of(shapes, some, centre)
+        jacobian = _along_normals(shapes, some, centre)
         motion = match_scans(cell, first, jacobian, height, weight, int(cell.max()) + 1, axes, LONGEST_SHIFT)
     return Window(centre, scans, motion)
 
 
-class WindowFit(NamedTuple):
-    """Motions fitted to the sightings of a window."""
+def fit(shapes: PatchShapes, sightings: Floats, rows: Ints, window: Window, motions: Motions) -> tuple[Window, Floats]:
+    """Return a window with the motions that its sightings (rows) imply, and the covariance (6s, 6s) of these.
 
-    window: Window
-    covariance: Floats  # (6s, 6s) of the motions
-    rows: Ints  # (r,) sightings that agree with them
-    scan: Ints  # (r,) their scans, among those of the window
-    jacobian: Floats  # (r, 6)
-
-
-def fit(shapes: PatchShapes, sightings: Floats, rows: Ints, window: Window, motions: Motions) -> WindowFit:
-    """Return the motions that sightings (rows) of a window imply, beginning with those it has."""
+    Beginning with the motions it has.
+    """
+    turn = PRIOR_TILT + (PRIOR_TURN - PRIOR_TILT) * np.abs(shapes.up)
+    precision = 1.0 / np.concatenate([np.full(3, PRIOR_SHIFT), turn]) ** 2
     rows = rows[np.isin(sightings[rows, MOMENT], window.scans)]
     if not len(rows):
-        return WindowFit(window, np.zeros((0, 0)), rows, rows, np.zeros((0, 6)))
+        return window, np.diag(np.tile(1.0 / precision, len(window.scans)))
     cell = _cells(sightings[rows])
     order = np.argsort(cell, kind="stable")
     rows, cell = rows[order], cell[order]
     some = sightings[rows]
     scan = np.searchsorted(window.scans, some[:, MOMENT]).astype(np.int64)
-    jacobian = jacobian_of(shapes, some, window.centre)
+    jacobian = _along_normals(shapes, some, window.centre)
     # Heights are over planes of scans that were moved as the window of each patch has it: they are put back first.
     height = some[:, HEIGHT] + _moved_by(shapes, some, motions) - np.einsum("ij,ij->i", jacobian, window.motion[scan])
     noise = some[:, SQUARES].sum() / max(float((some[:, N_POINTS] - 1.0).sum()), 1.0)
     weight = 1.0 / (BEND**2 + noise / some[:, N_POINTS])
     first = np.append(np.flatnonzero(np.diff(cell, prepend=-1)), len(cell)).astype(np.int64)
-    turn = PRIOR_TILT + (PRIOR_TURN - PRIOR_TILT) * np.abs(shapes.up)
-    precision = 1.0 / np.concatenate([np.full(3, PRIOR_SHIFT), turn]) ** 2
     finest = max(NOISE_WIDTHS * float(np.sqrt(noise)), THINNEST)
     more, normal, residual, robust = fit_motions(
         first, scan, jacobian, height, weight, len(window.scans), precision, finest
@@ -295,14 +264,12 @@ def fit(shapes: PatchShapes, sightings: Floats, rows: Ints, window: Window, moti
     freedom = np.count_nonzero(agree) - (len(first) - 1) - more.size
     scatter = float(weight[agree] @ residual[agree] ** 2) / max(float(freedom), 0.1 * len(rows), 1.0)
     covariance = np.asarray(np.linalg.inv(normal) * (INFLATION * max(scatter, 1.0)), np.float64)
-    window = window._replace(motion=window.motion + more)
-    return WindowFit(window, covariance, rows[agree], scan[agree], np.ascontiguousarray(jacobian[agree]))
+    return window._replace(motion=window.motion + more), covariance
 
 
-def jacobian_of(shapes: PatchShapes, rows: Floats, centre: Floats) -> Floats:
+def _along_normals(shapes: PatchShapes, rows: Floats, centre: Floats) -> Floats:
     """Return how motions about a centre displace layers or sightings (r) along their normals, (r, 6)."""
-    normal = shapes.normal[rows[:, PATCH].astype(np.int64)]
-    return np.hstack([normal, np.cross(rows[:, PLACE] - centre, normal)])
+    return jacobian_of(shapes.normal[rows[:, PATCH].astype(np.int64)], rows[:, PLACE], centre)
 
 
 def _moved_by(shapes: PatchShapes, some: Floats, motions: Motions) -> Floats:
@@ -312,58 +279,13 @@ def _moved_by(shapes: PatchShapes, some: Floats, motions: Motions) -> Floats:
     for each in np.unique(window):
         mine, (begin, end) = window == each, motions.first[each : each + 2]
         entry[mine] = begin + np.searchsorted(motions.moment[begin:end], some[mine, MOMENT])
-    normal = shapes.normal[some[:, PATCH].astype(np.int64)]
-    jacobian = np.hstack([normal, np.cross(some[:, PLACE] - motions.centre[window], normal)])
+    jacobian = _along_normals(shapes, some, motions.centre[window])
     return np.asarray(np.einsum("ij,ij->i", jacobian, motions.motion[entry]))
 
 
-def _judge(found: Disagreement, shapes: PatchShapes, sightings: Floats, fitted: WindowFit, mine: Ints) -> None:
-    """Write the disagreement of the patches that a window answers for."""
-    some = sightings[fitted.rows]
-    patch = some[:, PATCH].astype(np.int64)
-    order = np.argsort(patch, kind="stable")
-    begin, end = np.searchsorted(patch[order], mine), np.searchsorted(patch[order], mine, side="right")
-    motion = fitted.window.motion
-    for number, rows in ((int(i), order[a:b]) for i, a, b in zip(mine, begin, end, strict=True) if b > a):
-        moved = motion[fitted.scan[rows]]
-        away = some[rows, PLACE] - fitted.window.centre
-        place = some[rows, PLACE] - moved[:, :3] - np.cross(moved[:, 3:], away)
-        side = min(max(CELL_SPACINGS * shapes.spacing[number], SMALLEST_CELL), LARGEST_CELL)
-        _, first, cell = np.unique(some[rows, CELL], return_index=True, return_inverse=True)
-        about = (cell.astype(np.int64), fitted.scan[rows], place, fitted.jacobian[rows], motion, fitted.covariance)
-        ranges = [ranges_of_cells(*about, reach * side) for reach in SEEN_NEAR]
-        _sum_up(found, number, ranges, some[rows[first], N_OWN])
-
-
-def _sum_up(found: Disagreement, patch: int, ranges: list[Floats], weight: Floats) -> None:
-    """Write the disagreement of a patch: medians of its cells, by their points (c,), less what noise makes.
-
-    The bounds take in how sure the motions are, and that one may require more or less of a scan that sees a cell.
-    """
-    (low, low_error), (metres, error), (high, high_error) = (_median(each, weight) for each in ranges)
-    seen = ranges[1][:, 2] >= 2
-    if not seen.any():
-        return
-    found.metres[patch] = metres
-    found.low[patch] = max(min(low - 1.96 * low_error, metres - 1.96 * error), 0.0)
-    found.high[patch] = max(high + 1.96 * high_error, metres + 1.96 * error)
-    found.n_scans[patch] = float(np.median(ranges[1][:, 2]))
-    found.shared[patch] = float(weight[seen].sum() / weight.sum())
-
-
-def _median(ranges: Floats, weight: Floats) -> tuple[float, float]:
-    """Return the median range of cells (c, 3) by their weight (c,), less what noise makes, and its standard error."""
-    order = np.argsort(ranges[:, 0], kind="stable")
-    total = np.cumsum(weight[order])
-    metres, variance, n_scans = ranges[order[min(int(np.searchsorted(total, 0.5 * total[-1])), len(order) - 1)]]
-    error = float(np.sqrt(variance + FLOOR**2))
-    by_noise = expected_range(n_scans) * min(error, THINNEST) / np.sqrt(2.0)
-    return float(np.sqrt(max(metres**2 - by_noise**2, 0.0))), error
-
-
-def expected_range(n: float) -> float:
-    """Return the expected range of n values of unit normal noise, to a few per cent (Blom 1958)."""
-    return float(2.0 * ndtri((n - 0.375) / (n + 0.25))) if n >= 2 else 0.0
+def _by_window(window: Ints, n_windows: int) -> list[Ints]:
+    """Return which rows (r) are of each window (w), ascending, by the window of each."""
+    return np.split(np.argsort(window, kind="stable"), np.cumsum(np.bincount(window, minlength=n_windows))[:-1])
 
 
 def _cells(rows: Floats) -> Ints:

@@ -97,26 +97,44 @@ def own_frame(
 
 
 @part
+def farthest_moved(nearby: Nearby, sheets: Sheets, planes: Planes, motions: Motions, over: Over, i: int) -> float:
+    """Metres by which no point near patch i is moved farther; 0 where scans are looked at where they lie."""
+    if over.entry.min() == STILL:
+        return 0.0
+    window, farthest = motions.owner[i], 0.0
+    away = np.sqrt(((planes.centre[i] - motions.centre[window]) ** 2).sum())
+    away += sheets.cell[i] * (sheets.size[i, 0] + sheets.size[i, 1]) + 4.0 * nearby.side
+    for entry in range(motions.first[window], motions.first[window + 1]):
+        shift, turn = (motions.motion[entry, :3] ** 2).sum(), (motions.motion[entry, 3:] ** 2).sum()
+        farthest = max(farthest, np.sqrt(shift) + np.sqrt(turn) * away)
+    return 2.0 * farthest  # the scan's own, and the mean that is left
+
+
+@part
 def points_over(
     nearby: Nearby, sheets: Sheets, planes: Planes, motions: Motions, over: Over, i: int, reach: float, n_places: int
 ) -> int:
     """Write the points over patch i, not seen from behind, and their places (u, v, height), moved; how many."""
     mean, moved, at = np.zeros(3), np.zeros(3), np.zeros(3)
     side = own_frame(nearby, planes, motions, over, i, n_places, mean)
-    n = 0
+    n, farthest = 0, reach + farthest_moved(nearby, sheets, planes, motions, over, i)
     for place in over.places[:n_places]:
         for k in range(nearby.first[place], nearby.first[place + 1]):
             which = over.entry[nearby.moment[k]]
-            if which == EMPTY or dot(planes.normal[i], nearby.to_sensor[k]) * side < 0.0:
+            if which == EMPTY or abs(dot_from(planes.normal[i], nearby.points[k], planes.centre[i])) > farthest:
+                continue
+            if dot(planes.normal[i], nearby.to_sensor[k]) * side < 0.0:
                 continue
             at[:] = nearby.points[k]
             if which >= 0:
                 displacement(motions, which, motions.owner[i], nearby.points[k], moved)
                 at += mean - moved
             height = dot_from(planes.normal[i], at, planes.centre[i])
+            if abs(height) > reach:
+                continue
             u = dot_from(planes.across[i], at, planes.centre[i])
             v = dot_from(planes.along[i], at, planes.centre[i])
-            if abs(height) <= reach and (nearby.patch[k] == i or cell_over(sheets, i, u, v) != EMPTY):
+            if nearby.patch[k] == i or cell_over(sheets, i, u, v) != EMPTY:
                 over.rows[n], over.spot[n, 0], over.spot[n, 1], over.spot[n, 2] = k, u, v, height
                 n += 1
     return n
@@ -244,13 +262,13 @@ def find_sightings(
     motions: Motions,
     width: float,
 ) -> Floats:
-    """Sightings (r, 10) of patches by scans that were moved by their motions, sorted by patch, cell and moment.
+    """Sightings (r, 9) of patches by scans that were moved by their motions, sorted by patch, cell and moment.
 
-    Patch, cell, moment, place in the map as it is (3), height over the plane once moved, number of points, sum of
-    squares about their mean, and the number of own points of the patch in the cell. `width`: of a layer, metres.
+    Patch, cell, moment, place in the map as it is (3), height over the plane once moved, number of points, and sum of
+    squares about their mean. `width`: of a layer, metres.
     """
     over, held = scratch_over(nearby, EMPTY), np.zeros(len(nearby.points) + 2)
-    out, n_out = np.empty((1024, 10)), 0
+    out, n_out = np.empty((1024, 9)), 0
     for i in range(len(start) - 1):
         window = motions.owner[i]
         scans = motions.moment[motions.first[window] : motions.first[window + 1]]
@@ -272,7 +290,7 @@ def find_sightings(
                 out = grown(out, n_out + end - begin)
                 first = n_out
                 n_out = write_sightings(nearby, over, order[begin:end], base, width, held, out, n_out)
-                out[first:n_out, 0], out[first:n_out, 9] = i, n_own
+                out[first:n_out, 0] = i
             begin = end
         for scan in scans:
             over.entry[scan] = EMPTY
@@ -285,7 +303,7 @@ def write_sightings(
 ) -> int:
     """Write the sightings of one cell, a row for each scan that sees the surface; the number of the next row.
 
-    Patch and number of own points are left out.
+    The patch is left out.
     """
     first = 0
     while first < len(order):

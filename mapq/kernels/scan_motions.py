@@ -178,7 +178,7 @@ def match_scans(
 def add_cell(
     scan: Ints, jacobian: Floats, height: Floats, weight: Floats, begin: int, end: int, left: Floats, right: Floats
 ) -> None:
-    """Add the normal equations of one cell, whose relief is eliminated."""
+    """Add the normal equations of one cell, whose relief is eliminated; to `left` what with its transpose adds up."""
     whole, mean = 0.0, 0.0
     for p in range(begin, end):
         whole += weight[p]
@@ -191,9 +191,10 @@ def add_cell(
         for a in range(6):
             pull = weight[p] * jacobian[p, a]
             right[at + a] += pull * (height[p] - mean)
+            own = 0.5 * pull * (1.0 - weight[p] / whole)
             for b in range(6):
-                left[at + a, at + b] += pull * jacobian[p, b]
-            for q in range(begin, end):
+                left[at + a, at + b] += own * jacobian[p, b]
+            for q in range(p + 1, end):
                 share = pull * weight[q] / whole
                 for b in range(6):
                     left[at + a, 6 * scan[q] + b] -= share * jacobian[q, b]
@@ -223,10 +224,11 @@ def fit_motions(
     for turn in range(ROUNDS):
         left[:], right[:] = 0.0, 0.0
         for k in range(size):
-            left[k, k] = precision[k % 6]
+            left[k, k] = 0.5 * precision[k % 6]
         counted = weight * robust
         for c in range(len(first) - 1):
             add_cell(scan, jacobian, height, counted, first[c], first[c + 1], left, right)
+        left += left.T.copy()
         motion[:] = np.linalg.solve(left, right).reshape((n_scans, 6))
         if turn > 0:
             scale = max(0.5 * scale, finest)
@@ -240,55 +242,3 @@ def fit_motions(
                 residual[p] -= mean / max(whole, 1e-300)
                 robust[p] = (scale * scale / (scale * scale + residual[p] ** 2)) ** 2
     return motion, left, residual, robust
-
-
-@part
-def spread_of(motion: Floats, jacobian: Floats, rows: Ints, scan: Ints, held: Floats, counts: Ints) -> int:
-    """Mean displacements of the scans of some sightings: `held` (s,) by scan, `counts` (s,) above 0; how many scans."""
-    n = 0
-    for p in rows:
-        if counts[scan[p]] == 0:
-            held[scan[p]] = 0.0
-            n += 1
-        counts[scan[p]] += 1
-        held[scan[p]] += (jacobian[p] * motion[scan[p]]).sum()
-    return n
-
-
-@jit
-def ranges_of_cells(
-    cell: Ints, scan: Ints, place: Floats, jacobian: Floats, motion: Floats, covariance: Floats, reach: float
-) -> Floats:
-    """For each cell of a patch: largest displacement between scans that see it, its variance, and how many do (c, 3).
-
-    Of the sightings (r) of the patch: `cell`, from 0, `scan`, `place` (r, 3), moved, and `jacobian` (r, 6);
-    `covariance` (6s, 6s) of the motions. A scan that sees the surface within `reach` metres sees that of the cell.
-    """
-    n_cells = cell.max() + 1
-    out, held, counts = np.zeros((n_cells, 3)), np.zeros(len(motion)), np.zeros(len(motion), np.int64)
-    for c in range(n_cells):
-        own = np.flatnonzero(cell == c)
-        middle = np.zeros(3)
-        for p in own:
-            middle += place[p] / len(own)
-        rows = np.flatnonzero(((place - middle) ** 2).sum(axis=1) < reach * reach)
-        counts[:] = 0
-        out[c, 2] = spread_of(motion, jacobian, rows, scan, held, counts)
-        if out[c, 2] < 2:
-            continue
-        seeing = np.flatnonzero(counts)
-        held[seeing] /= counts[seeing]
-        low, high = seeing[np.argmin(held[seeing])], seeing[np.argmax(held[seeing])]
-        out[c, 0] = held[high] - held[low]
-        # The difference's row: mean Jacobians of both scans, with opposite signs.
-        row = np.zeros(12)
-        for p in rows:
-            if scan[p] == high:
-                row[:6] += jacobian[p] / counts[high]
-            elif scan[p] == low:
-                row[6:] -= jacobian[p] / counts[low]
-        at = np.concatenate((np.arange(6 * high, 6 * high + 6), np.arange(6 * low, 6 * low + 6)))
-        for a in range(12):
-            for b in range(12):
-                out[c, 1] += row[a] * covariance[at[a], at[b]] * row[b]
-    return out

@@ -12,14 +12,15 @@ from mapq.features import measure_shapes, patch_features
 from mapq.features.copies import nearby_points
 from mapq.features.disagreement import (
     Disagreement,
-    expected_range,
     joined,
     known_of,
     measure_disagreement,
     moments_of,
     ways_of,
 )
-from mapq.kernels.scan_motions import fit_motions, ranges_of_cells
+from mapq.kernels.scan_layers import NEAR_WIDTHS, Motions
+from mapq.kernels.scan_motions import fit_motions
+from mapq.kernels.scan_views import ENOUGH, OF_ERRORS, find_views, ranges_of_patches
 from mapq.patches import Patches
 from tests.mapq.factories import Rectangle, make_patches, moved, shuffled, turn, wall
 
@@ -114,11 +115,11 @@ def test_half_of_the_scans_shifted_is_found_along_each_normal(shift, sensors):
 
 
 @pytest.mark.parametrize("degrees", [2.0, -1.0])
-def test_scans_turned_by_a_little_are_found_cell_by_cell(degrees):
+def test_scans_turned_by_a_little_are_found_by_what_that_is_on_the_whole_patch(degrees):
     patches = scanned(turned=degrees)
     away = (patches.cloud.xyz - MIDDLE) @ (turn(degrees) - np.eye(3)).T
-    along = np.abs(np.einsum("ij,ij->i", away, patches.normal[patches.patch]))
-    truth = np.array([np.median(along[patches.patch == i]) for i in range(len(patches))])
+    along = np.einsum("ij,ij->i", away, patches.normal[patches.patch])
+    truth = np.array([np.abs(np.mean(along[patches.patch == i])) for i in range(len(patches))])
     found = measured(patches)
     assert_metres(found, truth)
     assert_bounds(found, truth)
@@ -127,7 +128,9 @@ def test_scans_turned_by_a_little_are_found_cell_by_cell(degrees):
 def test_one_scan_alone_and_unknown_scans_are_no_evidence():
     alone = measured(scanned(n_scans=1))
     unknown = measured(with_moments(scanned((0.1, 0.3))))
-    assert all(np.isnan(column).all() for column in (*alone, *unknown))
+    assert all(np.isnan(column).all() for column in (*alone[:3], *unknown))
+    assert (alone.n_scans == 1.0).all()
+    assert (alone.shared == 0.0).all()
     features = patch_features(with_moments(scanned((0.1, 0.3))))
     assert np.isnan(features.disagreement).all()
     empty = make_patches([], [], loose=3)
@@ -229,36 +232,116 @@ def test_motions_are_those_of_least_squares_with_relief_as_unknowns(seed):
     np.testing.assert_allclose(robust, expected[3], atol=1e-7)
 
 
+def with_points(patches: Patches, xyz, scan: int, patch: int) -> Patches:
+    """Return the patches with more points of a patch, seen by a scan."""
+    cloud, n = patches.cloud, len(xyz)
+    fields = {name: np.concatenate([values, np.zeros(n, values.dtype)]) for name, values in cloud.fields.items()}
+    fields["scan"][-n:] = scan
+    number = np.concatenate([patches.patch, np.full(n, patch, np.int32)])
+    return replace(patches, cloud=PointCloud(np.vstack([cloud.xyz, xyz]), cloud.shift, fields), patch=number)
+
+
+def without_scan(patches: Patches, scan: int, patch: int, but: int) -> Patches:
+    """Return the patches less the points of a scan on a patch, but for some in its middle."""
+    cloud = patches.cloud
+    its = np.flatnonzero((patches.patch == patch) & (cloud.fields["scan"] == scan))
+    middle = np.argsort(np.linalg.norm(cloud.xyz[its] - np.median(cloud.xyz[its], axis=0), axis=1))
+    kept = np.setdiff1d(np.arange(len(cloud)), its[middle[but:]])
+    fields = {name: values[kept] for name, values in cloud.fields.items()}
+    return replace(patches, cloud=PointCloud(cloud.xyz[kept], cloud.shift, fields), patch=patches.patch[kept])
+
+
+def only_last_shifted(shift: float) -> Patches:
+    """Return a right room but for its last scan, that is shifted along x."""
+    patches = scanned(sensors=())
+    xyz = patches.cloud.xyz + np.where(patches.cloud.fields["scan"] == N_SCANS - 1, shift, 0.0)[:, None] * [1.0, 0, 0]
+    return replace(patches, cloud=PointCloud(xyz, patches.cloud.shift, patches.cloud.fields))
+
+
+def test_a_whole_scan_that_lies_apart_counts_and_stray_points_within_a_scan_do_not():
+    whole = measured(only_last_shifted(0.3))
+    assert whole.metres[[1, 3]] == pytest.approx([0.3, 0.3], abs=0.02)
+    patches = scanned(sensors=())
+    on = patches.cloud.xyz[(patches.patch == 1) & (patches.cloud.fields["scan"] == 2)]
+    stray = measured(with_points(patches, on[::4] + [0.3, 0.0, 0.0], 2, 1))
+    assert stray.metres[1] < 0.02
+    assert stray.high[1] < 0.05
+
+
+@pytest.mark.parametrize(("left", "counts"), [(0, False), (3, False), (12, True), (40, True)])
+def test_a_scan_counts_from_ten_points_on_the_patch(left, counts):
+    found = measured(without_scan(only_last_shifted(0.3), N_SCANS - 1, 1, left))
+    assert found.n_scans[1] == N_SCANS - 1 + counts
+    assert found.metres[1] == pytest.approx(0.3 if counts else 0.0, abs=0.02)
+    assert found.low[1] <= (0.3 if counts else 0.0) <= found.high[1]
+    assert (found.high[1] < 0.05) == (left <= 3)
+    assert (found.low[1] > 0.2) == (left == 40)
+    assert found.metres[3] == pytest.approx(0.3, abs=0.02), "the other wall across is seen by all"
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_views_are_those_by_their_definition(seed):
+    rng, width = np.random.default_rng(seed), 0.03
+    patches = scanned((0.1, 0.0), sensors=())
+    shapes, number = measure_shapes(patches), np.arange(len(patches.cloud))
+    scan = patches.cloud.fields["scan"]
+    nearby = nearby_points(patches, number, scan.astype(np.int64), None)
+    shift = np.where(np.arange(N_SCANS) % 2, 0.1, 0.0)[:, None] * [1.0, 0, 0] + rng.normal(0, 0.005, (N_SCANS, 3))
+    owner, centre = np.zeros(len(shapes), np.int64), np.zeros((1, 3))
+    motion = np.hstack([shift, np.zeros((N_SCANS, 3))])
+    motions = Motions(owner, centre, np.array([0, N_SCANS]), np.arange(N_SCANS), motion)
+    about = (nearby, shapes.sheets, shapes.planes, shapes.points, shapes.start, shapes.spacing)
+    views, several = find_views(*about, motions, width)
+    assert (several > 0.95).all()
+    for patch in range(4):
+        # Far from other surfaces; a wall has few points of others over it, at its ends.
+        own = patches.patch == patch
+        moved = patches.cloud.xyz[own] - shift[scan[own]]
+        height = moved @ patches.normal[patch]
+        off = height - np.median(height)
+        near = np.abs(off) <= NEAR_WIDTHS * width
+        mine = views[views[:, 0] == patch]
+        assert mine[:, 1].tolist() == list(range(N_SCANS))
+        for row, k in zip(mine, range(N_SCANS), strict=True):
+            its = near & (scan[own] == k)
+            assert row[7] == pytest.approx(its.sum(), rel=0.05)
+            assert row[2:5] == pytest.approx(patches.cloud.xyz[own][its].mean(axis=0), abs=0.2)
+            assert row[5] == pytest.approx(off[its].mean(), abs=0.003)
+            assert row[6] == pytest.approx(off[its].var(), rel=0.2)
+
+
+def slow_range(offset, covariance, alike):
+    """Range of offsets (n) of a covariance (n, n), drawn together first, and its variance."""
+    n = len(offset)
+    about = np.eye(n) - 1.0 / n
+    scale = alike**2 + OF_ERRORS * np.median(np.diag(about @ covariance @ about)) * n / (n - 1)
+    weight = np.exp(-0.5 * np.subtract.outer(offset, offset) ** 2 / scale)
+    drawn = weight @ offset / weight.sum(axis=1)
+    row = np.zeros(n)
+    row[drawn.argmax()], row[drawn.argmin()] = 1.0, -1.0
+    return np.ptp(drawn), row @ covariance @ row
+
+
 @pytest.mark.parametrize("seed", range(4))
-def test_ranges_of_cells_are_those_by_their_definition(seed):
-    rng, n_scans, n_rows, reach = np.random.default_rng(seed), 4, 40, 1.0
-    cell = np.concatenate([np.arange(12), rng.integers(0, 12, n_rows - 12)])
-    scan, jacobian = rng.integers(0, n_scans, n_rows), rng.normal(size=(n_rows, 6))
-    place, motion = (
-        rng.uniform(0.0, 3.0, (12, 3))[cell] + rng.normal(0, 0.1, (n_rows, 3)),
-        rng.normal(size=(n_scans, 6)),
-    )
-    root = rng.normal(size=(6 * n_scans, 6 * n_scans))
+def test_ranges_of_patches_are_those_by_their_definition(seed):
+    rng, n_scans, alike, least = np.random.default_rng(seed), 6, 0.05, np.array([30.0, ENOUGH, 5.0])
+    first = np.array([0, 6, 7, 11, 11])
+    scan = np.concatenate([rng.permutation(6), [2], rng.permutation(6)[:4]])
+    n_points = rng.integers(1, 60, len(scan)).astype(float)
+    jacobian, motion = rng.normal(size=(len(scan), 6)), 0.1 * rng.normal(size=(n_scans, 6))
+    root = 0.02 * rng.normal(size=(6 * n_scans, 6 * n_scans))
     covariance = root @ root.T
-    found = ranges_of_cells(cell, scan, place, jacobian, motion, covariance, reach)
-    assert found.shape == (12, 3)
-    for c in range(12):
-        near = np.linalg.norm(place - place[cell == c].mean(axis=0), axis=1) < reach
-        means = {k: jacobian[near & (scan == k)].mean(axis=0) for k in np.unique(scan[near])}
-        held = {k: float(mean @ motion[k]) for k, mean in means.items()}
-        assert found[c, 2] == len(held)
-        if len(held) < 2:
-            assert found[c, :2].tolist() == [0.0, 0.0]
-            continue
-        low, high = min(held, key=held.get), max(held, key=held.get)
-        row = np.zeros((n_scans, 6))
-        row[high], row[low] = means[high], -means[low]
-        assert found[c, 0] == pytest.approx(held[high] - held[low])
-        assert found[c, 1] == pytest.approx(row.ravel() @ covariance @ row.ravel())
-
-
-@pytest.mark.parametrize("n", [2, 3, 8, 32, 1000])
-def test_the_range_that_noise_makes(n):
-    drawn = np.ptp(np.random.default_rng(0).normal(size=(2000, n)), axis=1).mean()
-    assert expected_range(n) == pytest.approx(drawn, rel=0.06)
-    assert expected_range(1) == expected_range(0) == 0.0
+    found = ranges_of_patches(first, scan, n_points, jacobian, motion, covariance, least, alike)
+    assert found.shape == (4, 3, 3)
+    for patch, (begin, end) in enumerate(zip(first[:-1], first[1:], strict=True)):
+        for place, fewest in enumerate(least):
+            rows = begin + np.flatnonzero(n_points[begin:end] >= fewest)
+            assert found[patch, place, 2] == len(rows)
+            if len(rows) < 2:
+                assert found[patch, place, :2].tolist() == [0.0, 0.0]
+                continue
+            spread = np.zeros((len(rows), 6 * n_scans))
+            for row, k in zip(spread, rows, strict=True):
+                row[6 * scan[k] : 6 * scan[k] + 6] = jacobian[k]
+            expected = slow_range(spread @ motion.ravel(), spread @ covariance @ spread.T, alike)
+            assert found[patch, place, :2] == pytest.approx(expected)
