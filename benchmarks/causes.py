@@ -3,12 +3,16 @@
 A simulated city, driven round a block twice, is cut into scans, whose poses get errors of one kind: a loop that was
 missed, offsets of scans, or both. Besides, the simulator's own maps, of odometry that drifts over two laps.
 Judged are all patches whose points are displaced; no model is asked. A minute or two on one core.
+
+With `--drives`: maps of scans whose poses are checked, with a wrong edge, wrong scans, drift or a missed loop; judged
+are patches that are displaced and that the shipped model calls suspicious. Some ten seconds a map.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import tempfile
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
@@ -17,15 +21,29 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
+from benchmarks.edges import FEWEST, JITTER, MOST, Graph, graph_of, spoiled, write_g2o
+from data.training_worlds import ScannedWorld, jittered, labelled, make_world
 from mapq.cloud import PointCloud
 from mapq.configuration import FeatureSettings, PerturbSettings, SimulateSettings
 from mapq.features import patch_features
 from mapq.labels import NO_PATCH, SUSPICIOUS
 from mapq.patches import Patches, label_from_field
 from mapq.perturb import build, displaced
-from mapq.posed import PosedScans
-from mapq.results.causes import CAUSES, LOCAL, MISSED_LOOP, Cause, find_causes
+from mapq.posed import PosedScans, check_poses, read_edges
+from mapq.results.causes import (
+    CAUSES,
+    DRIFT,
+    LOCAL,
+    MISSED_LOOP,
+    UNKNOWN,
+    WRONG_EDGE,
+    WRONG_SCAN,
+    Cause,
+    find_causes,
+)
+from mapq.results.result import assess
 from mapq.results.visits import visits_of
 from mapq.segmentation import segment
 from mapq.simulate import simulate
@@ -51,6 +69,8 @@ ERRORS = {
 LATE = 0.8
 """Share of the drive after which, in the map with both, scans have offsets: it is then past the block for good."""
 MOSTLY = 0.9
+MOST_POINTS = 200_000
+"""Of the map of a drive."""
 
 
 class Judged(NamedTuple):
@@ -130,13 +150,70 @@ def true_metres(patches: Patches) -> np.ndarray:
     return np.array([np.nanmedian(metres[a:b]) for a, b in pairwise(start)])
 
 
+def spoiled_poses(scans: PosedScans, kind: str, seed: int) -> tuple[np.ndarray, Graph | None]:
+    """Return poses with errors of a kind, and the graph of a wrong edge."""
+    rng = np.random.default_rng([seed, 11])
+    size = rng.uniform(0.4, 1.0)
+    if kind == WRONG_EDGE:
+        rng = np.random.default_rng([seed, 12])
+        graph = spoiled(graph_of(scans, rng), 1, rng)[0]
+        return graph.poses, graph
+    if kind != WRONG_SCAN:
+        errors = (size, float(rng.choice([0.0, 1.0])))
+        error = PerturbSettings(drift=errors) if kind == DRIFT else PerturbSettings(missed_loop=errors)
+        return displaced(scans.poses, error, seed), None
+    poses = scans.poses.copy()
+    for scan in rng.permutation(len(scans))[: int(rng.integers(1, 4))]:
+        turn = rng.uniform(0.0, 2.0 * np.pi)
+        poses[scan, :2, 3] += size * np.array([np.cos(turn), np.sin(turn)])
+    return poses, None
+
+
+def of_drive(world: ScannedWorld, kind: str, seed: int) -> list[tuple[str, bool, float]]:
+    """Return of suspicious patches the cause, whether they are displaced, and their area."""
+    scans = world.posed()
+    poses, graph = spoiled_poses(
+        scans.with_poses(jittered(scans.poses, JITTER, np.random.default_rng([seed, 7])), "jittered"), kind, seed
+    )
+    thin = world.take(np.random.default_rng([seed, 3]).random(len(world.scan)) * len(world.scan) < MOST_POINTS)
+    cloud, used = labelled(thin, poses, f"seed {seed}"), thin.posed().with_poses(poses, "spoiled")
+    result = assess(label_from_field(segment(cloud), "suspicious", cloud.source)[0])
+    with tempfile.TemporaryDirectory() as folder:
+        edges = []
+        if graph is not None:
+            write_g2o(Path(folder) / "graph.g2o", graph)
+            edges = read_edges(used.with_poses(poses, str(Path(folder) / "graph.g2o")))
+        found = replace(result, poses=check_poses(cloud, used, edges)).causes
+    wrong, area = result.patches.label == SUSPICIOUS, np.nan_to_num(result.area)
+    return [(cause.kind, bool(wrong[patch]), float(area[patch])) for patch, cause in found.items()]
+
+
+def report_drives(seeds: list[int]) -> None:
+    """Print, by kind of error, how many of the causes named are right, and the share of the area without one."""
+    rows: dict[str, list[tuple[str, bool, float]]] = {kind: [] for kind in (WRONG_EDGE, WRONG_SCAN, DRIFT, MISSED_LOOP)}
+    with threadpool_limits(1):
+        for seed in seeds:
+            world = make_world(seed)
+            for kind in rows if FEWEST <= len(world.poses) <= MOST else ():
+                rows[kind] += of_drive(world, kind, seed)
+    for kind, found in rows.items():
+        true = [(name, area) for name, is_displaced, area in found if is_displaced]
+        named = [name == kind for name, _ in true if name != UNKNOWN]
+        lost = sum(area for name, area in true if name == UNKNOWN) / max(sum(area for _, area in true), 1e-9)
+        print(f"{kind:22} {len(true):5} patches; right {np.mean(named):.2f}, unknown {lost:.2f} of the area")
+
+
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--seeds", type=int, nargs="+", default=[3, 4], help="of worlds and errors")
     parser.add_argument("--n-points", type=int, default=300_000, help="of a map")
     parser.add_argument("--json", type=Path, help="the counts")
+    parser.add_argument("--drives", type=int, nargs="*", help="seeds of drives whose poses are checked  [1 3 .. 59]")
     options = parser.parse_args()
+    if options.drives is not None:
+        report_drives(options.drives or list(range(1, 60, 2)))
+        return
     table: dict[str, dict[str, Counter[str]]] = {}
     truth, metres = {}, []
     for seed in options.seeds:

@@ -5,10 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
+import numpy as np
+
 from mapq.cloud import PointCloud
 from mapq.posed.check_scans import Drift, ScanMotion, check_scans
 from mapq.posed.edges import EdgeError, check_edges
 from mapq.posed.graph import GraphEdge
+from mapq.posed.register import Floats
 from mapq.posed.scans import PosedScans
 
 WRONG = 0.5
@@ -21,6 +24,8 @@ class CheckedPoses(NamedTuple):
     scans: tuple[ScanMotion, ...] = ()  # worst first
     edges: tuple[EdgeError, ...] = ()  # worst first
     drift: Drift | None = None
+    motion: Floats = np.zeros((0, 4, 4))  # (k, 4, 4) that makes each scan agree with the others, in the map's frame
+    places: Floats = np.zeros((0, 3))  # (k, 3) of the sensors
 
     @property
     def wrong_rows(self) -> set[int]:
@@ -41,4 +46,4 @@ def check_poses(cloud: PointCloud, scans: PosedScans, graph: Sequence[GraphEdge]
     """
     checked = check_scans(cloud, scans)
     edges = check_edges(checked, cloud, scans, graph) if graph else ()
-    return CheckedPoses(checked.rows, edges, checked.drift)
+    return CheckedPoses(checked.rows, edges, checked.drift, checked.corrections.motion, checked.scene.places)

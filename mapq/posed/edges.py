@@ -44,6 +44,7 @@ class EdgeError(NamedTuple):
     error_rad: float | None
     p_wrong: float
     row: int  # of the file, from 0
+    scans: tuple[int, int]  # its ends, -1 where there is none
 
 
 def check_edges(
@@ -73,7 +74,7 @@ def _moved(surface: ScanSurface, motion: Floats) -> ScanSurface:
 def _checked(surfaces: Sequence[ScanSurface], poses: Floats, edge: GraphEdge) -> tuple[float, EdgeError]:
     """Return the log-odds that an edge is wrong, and its row."""
     prior = float(np.log(PRIOR / (1.0 - PRIOR)))
-    unknown = prior, EdgeError(edge.ids, None, None, PRIOR, edge.row)
+    unknown = prior, EdgeError(edge.ids, None, None, PRIOR, edge.row, edge.scans)
     one, other = edge.scans
     if min(one, other) < 0 or one == other:
         return unknown
@@ -89,7 +90,9 @@ def _checked(surfaces: Sequence[ScanSurface], poses: Floats, edge: GraphEdge) ->
     log_odds = log_odds_wrong(fit.information, fit.information @ twist, RIGHT, WRONG)
     measured = np.linalg.inv(poses[one]) @ fit.motion @ poses[other]
     off = float(np.linalg.norm(measured[:3, 3] - edge.motion[:3, 3]))
-    return log_odds, EdgeError(edge.ids, off, float(np.linalg.norm(turn)), probability_of(log_odds), edge.row)
+    return log_odds, EdgeError(
+        edge.ids, off, float(np.linalg.norm(turn)), probability_of(log_odds), edge.row, edge.scans
+    )
 
 
 def _around(surfaces: Sequence[ScanSurface], places: Floats, end: int, other: int) -> ScanSurface:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
+from mapq.kernels.normals import estimate_normals
 from mapq.posed.merge import cell_keys
 
 Floats = NDArray[np.float64]
@@ -27,6 +28,8 @@ REACHES = (1.2, 1.2, 1.0, 0.8, 0.6, 0.4, 0.4)
 """Metres within which a point is matched, round by round, ..."""
 SCALES = (0.6, 0.4, 0.3, 0.2, 0.12, 0.08, 0.08)
 """... and at which residual its weight is a quarter."""
+CLOSE, SURE = 4, 0.9
+"""Rounds left out at first, since most poses are nearly right; share of points that fit from which that is enough."""
 LEAST_REACH = 2.0
 """Spacings of the points of a surface within which a point is matched at least."""
 AGREE = 0.8
@@ -83,9 +86,9 @@ def surface_of(xyz: Floats, sensor: Floats | None) -> ScanSurface:
         if len(thinned) <= MOST_THINNED:
             break
         side *= 1.4
-    some = thinned[:: 1 + len(thinned) // N_NORMALS]
-    normal, is_flat = _normals(thinned, some)
-    some, normal = some[is_flat], normal[is_flat]
+    rows = np.arange(0, len(thinned), 1 + len(thinned) // N_NORMALS)
+    normal, is_flat = _normals(thinned, rows)
+    some, normal = thinned[rows[is_flat]], normal[is_flat]
     if sensor is not None and len(some):
         normal = normal * np.where(((sensor - some) * normal).sum(axis=1) < 0.0, -1.0, 1.0)[:, None]
     return joined_surface(some, normal, sensor is not None)
@@ -115,15 +118,15 @@ def shared_part(a: ScanSurface, b: ScanSurface, motions: Sequence[Floats]) -> Sc
     return a._replace(moved=_chosen(a.normal, np.flatnonzero(near)))
 
 
-def _normals(xyz: Floats, some: Floats) -> tuple[Floats, NDArray[np.bool_]]:
-    """Return normals (m, 3) of the planes through neighbours of some points (m, 3), and which are planes at all."""
+def _normals(xyz: Floats, rows: Ints) -> tuple[Floats, NDArray[np.bool_]]:
+    """Return normals (m, 3) of the planes through neighbours of some points (m,), and which are planes at all."""
     if len(xyz) < N_NEIGHBOURS:
-        return np.zeros((len(some), 3)), np.zeros(len(some), bool)
-    around = xyz[cKDTree(xyz).query(some, k=N_NEIGHBOURS)[1]]
-    around = around - around.mean(axis=1, keepdims=True)
-    values, vectors = np.linalg.eigh(np.einsum("nki,nkj->nij", around, around))
-    is_flat = (values[:, 0] < FLATNESS * values[:, 1]) & (values[:, 1] > LINE * values[:, 2])
-    return vectors[:, :, 0], np.asarray(is_flat)
+        return np.zeros((len(rows), 3)), np.zeros(len(rows), bool)
+    near = cKDTree(xyz, balanced_tree=False, compact_nodes=False).query(xyz[rows], k=N_NEIGHBOURS)[1]
+    normal, spread = np.empty((len(rows), 3), np.float32), np.empty((len(rows), 3), np.float32)
+    estimate_normals(xyz, rows, near[:, 1:].astype(np.int32), normal, spread)
+    is_flat = (spread[:, 0] < FLATNESS * spread[:, 1]) & (spread[:, 1] > LINE * spread[:, 2])
+    return normal.astype(np.float64), np.asarray(is_flat)
 
 
 def moved_by(motion: Floats, xyz: Floats) -> Floats:
@@ -169,7 +172,9 @@ def register(
 
     Where what is found does not fit well, level shifts of up to `reach` metres and `turns` (radians) are tried first.
     """
-    fit = refined(a, b, start)
+    fit = refined(a, b, start, CLOSE)
+    if fit is None or fit.share < SURE:
+        fit = refined(a, b, start)
     if fit is not None and fit.share >= GOOD:
         return fit
     searched = _searched(a, b, start, reach, turns)
@@ -210,9 +215,12 @@ def _meeting(a: ScanSurface, b: ScanSurface, place: Floats, normal: Floats) -> F
     return np.bincount(near // len(normal), worth, len(place)).astype(np.float64)
 
 
-def refined(a: ScanSurface, b: ScanSurface, motion: Floats) -> Alignment | None:
-    """Return the motion that robust least squares find from a start; None if too few points match."""
-    for reach, scale in zip(REACHES, SCALES, strict=True):
+def refined(a: ScanSurface, b: ScanSurface, motion: Floats, skipped: int = 0) -> Alignment | None:
+    """Return the motion that robust least squares find from a start; None if too few points match.
+
+    `skipped`: of the rounds, the first of which reach farthest.
+    """
+    for reach, scale in zip(REACHES[skipped:], SCALES[skipped:], strict=True):
         found = _matches(a, b, motion, reach, a.moved)
         if len(found.residual) < FEWEST:
             return None

@@ -74,7 +74,7 @@ def solve(relations: Sequence[Relation], places: Floats, along: Floats | None = 
     line = np.zeros(n) if along is None else along
     scale, last = np.inf, LAST_ROUNDS
     while last:
-        error, twist = _errors(system, motion), _twists(motion, places)
+        error, twist = _errors(system, motion), twists(motion, places)
         off = (twist - line[:, None] * slope) / RIGHT
         squares = (error**2).sum(axis=1), (off**2).sum(axis=1)
         top = max(float(part.max(initial=0.0)) for part in squares)
@@ -106,7 +106,7 @@ def _arrays(relations: Sequence[Relation]) -> _System:
     return _System(one, other, at, goal, root)
 
 
-def _twists(motion: Floats, places: Floats) -> Floats:
+def twists(motion: Floats, places: Floats) -> Floats:
     """Return motions (n, 4, 4) as twists (n, 6) about places (n, 3)."""
     shift = np.einsum("nij,nj->ni", motion[:, :3, :3], places) + motion[:, :3, 3] - places
     return np.hstack([shift, Rotation.from_matrix(motion[:, :3, :3]).as_rotvec()])
@@ -117,7 +117,7 @@ def _errors(system: _System, motion: Floats) -> Floats:
     if not len(system.at):
         return np.zeros((0, 6))
     relative = np.linalg.inv(motion[system.other]) @ motion[system.one]
-    apart = _twists(relative, system.at) - _twists(system.goal, system.at)
+    apart = twists(relative, system.at) - twists(system.goal, system.at)
     turn = relative[:, :3, :3] @ np.swapaxes(system.goal[:, :3, :3], 1, 2)
     apart[:, 3:] = Rotation.from_matrix(turn).as_rotvec()
     return np.asarray(np.einsum("mij,mj->mi", system.root, apart))
@@ -157,7 +157,7 @@ def _with_information(
 ) -> Corrections:
     """Return the corrections, with what others say of each scan: without the `own` weight (n,) of its prior."""
     covariance, last = _blocks_of_inverse(normal)
-    twist = _twists(motion, places)
+    twist = twists(motion, places)
     whole = np.linalg.inv(covariance)
     vector = np.einsum("nij,nj->ni", whole, twist)
     values, axes = np.linalg.eigh(whole - own[:, None, None] * np.diag(RIGHT**-2.0))

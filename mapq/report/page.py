@@ -36,19 +36,21 @@ def verdict_line(findings: Findings) -> str:
     if not len(findings.label):
         return "No plane patch was found, so nothing of this map was judged."
     counts, verdict = findings.part("counts"), findings.part("verdict")
-    limit, coverage = verdict.get("fail_over"), percent(counts.get("coverage"))
+    coverage = percent(counts.get("coverage"))
     share = percent(verdict.get("share_of_area", counts.get("share_of_area")))
     line = f"<strong>{share}</strong> of the surface judged is suspicious"
+    if verdict.get("tolerance_m") is not None:
+        line += f": farther apart than {number(verdict['tolerance_m'])} m"
     if coverage != DASH:
         line += f"; {coverage} of all planes could be judged"
-    if limit is None or verdict.get("passed") is None:
+    if verdict.get("passed") is None:
         return line
     state = "passes" if verdict["passed"] is True else "fails"
-    asked = f"no more than {percent(limit)} was asked for"
-    least = percent(verdict.get("min_coverage"))
-    if DASH not in (coverage, least):
-        asked += f", and {least} to be judged"
-    return f'{line} <span class="verdict-{state}">{state}: {asked}</span>'
+    asked, apart, least = (verdict.get(name) for name in ("fail_over", "fail_apart", "min_coverage"))
+    words = [] if asked is None else [f"no more than {percent(asked)} was asked for"]
+    words += [] if apart is None else [f"scans no more than {number(apart)} m apart in the median"]
+    words += [] if DASH in (coverage, percent(least)) else [f"{percent(least)} to be judged"]
+    return f'{line} <span class="verdict-{state}">{state}: {" and ".join(words)}</span>'
 
 
 def facts(findings: Findings) -> str:
@@ -73,6 +75,12 @@ def _facts(findings: Findings) -> Iterator[tuple[str, str]]:
             "listed",
             f"{len(findings.rows):,} of these patches one by one: those of the regions listed, then the most certain "
             "suspicious ones, then the largest; the JSON of the result has all",
+        )
+    if verdict.get("resolution_m") is not None:
+        resolved = f"{number(verdict['resolution_m'], 3)} m in the median"
+        yield (
+            "scans resolve",
+            f"{resolved}; {percent(verdict.get('unresolved_share_of_area'))} of the area is left open",
         )
     expected = percent(counts.get("expected_share_of_area"))
     yield "expected", f"{expected} of the surface is wrong, if the probabilities are right"

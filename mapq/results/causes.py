@@ -1,8 +1,9 @@
-"""Why a suspicious patch is wrong: a loop that was not closed, or neighbouring scans that disagree.
+"""Why a suspicious patch is wrong: an edge of the graph, a scan, a loop that was not closed, or drift.
 
-The heights of points over the patch's plane are analysed as nested groups: visits, scans within a visit, points within
-a scan (Searle, Casella and McCulloch 1992, "Variance Components", chapter 5; Henderson's first method). What only
-parts visits arose while the sensor was elsewhere; what parts scans of one visit is local.
+Where poses were checked, the motions that their scans ask for tell. Elsewhere the heights of points over the patch's
+plane do, analysed as nested groups: visits, scans within a visit, points within a scan (Searle, Casella and McCulloch
+1992, "Variance Components", chapter 5; Henderson's first method). What only parts visits arose while the sensor was
+elsewhere; what parts scans of one visit is local.
 """
 
 from __future__ import annotations
@@ -14,10 +15,13 @@ from numpy.typing import NDArray
 
 from mapq.features.table import PatchFeatures
 from mapq.patches import Patches
+from mapq.posed.breaks import Breaks, Parts, breaks_of
+from mapq.posed.check_poses import CheckedPoses
 from mapq.results.visits import Visits
 
 MISSED_LOOP, LOCAL, UNKNOWN = "missed loop closure", "local mapping error", "unknown"
-CAUSES = (UNKNOWN, MISSED_LOOP, LOCAL)
+WRONG_EDGE, WRONG_SCAN, DRIFT = "wrong edge", "wrong scan", "drift"
+CAUSES = (UNKNOWN, MISSED_LOOP, LOCAL, WRONG_EDGE, WRONG_SCAN, DRIFT)
 """In the order of their codes in the point field `cause` of a result."""
 
 CELL = 1.0
@@ -34,6 +38,12 @@ LEAST = 0.05
 """Metres: a smaller offset does not make a surface doubled."""
 CLEARLY = np.sqrt(2.0)
 """Factor by which visits must disagree more than scans of one visit, whose errors separate visits a little too."""
+CLEAR = 0.1
+"""Metres by which motions must part scans that see a patch."""
+BESIDE = 2
+"""Scans before and after those that see a patch, that may see it too."""
+FEWEST = 5
+"""Points of a moment that sees a patch."""
 MOST_POINTS = 20_000
 """Of a patch and its copies that are looked at."""
 
@@ -50,6 +60,7 @@ class Spread(NamedTuple):
     n_visits: int  # the most visits of a cell
     n_scans: int
     gap: tuple[int, int] | None  # moments between which the surface was out of sight, the middle one of such gaps
+    seen: tuple[int, ...] = ()  # moments that see it with some points, ascending
 
 
 class Cause(NamedTuple):
@@ -66,21 +77,31 @@ class Cause(NamedTuple):
 
 
 def find_causes(
-    patches: Patches, features: PatchFeatures, suspicious: NDArray[np.bool_], visits: Visits | None
+    patches: Patches,
+    features: PatchFeatures,
+    suspicious: NDArray[np.bool_],
+    visits: Visits | None,
+    poses: CheckedPoses | None = None,
 ) -> dict[int, Cause]:
     """Return the cause of each suspicious patch by its number.
 
     `features`: their pairs show which patches may be copies of one surface. `suspicious` (m,). `visits`: None: when
-    points were seen is not known, and so no cause.
+    points were seen is not known, and so no cause. `poses`: of the scans, where they were checked.
     """
     if visits is None:
         nothing = Cause(UNKNOWN, "the map does not record by which scans or when it was seen", {})
         return {int(patch): nothing for patch in np.flatnonzero(suspicious)}
     copies, reach, apart = copies_of(features, len(patches)), reach_of(features), features.disagreement
-    return {
-        patch: cause_of(measure_spread(patches, patch, copies[patch], visits, reach[patch]), visits, apart[patch])
-        for patch in np.flatnonzero(suspicious).tolist()
-    }
+    scans = _ScanMotions.of(patches, visits, poses)
+    found = {}
+    for patch in np.flatnonzero(suspicious).tolist():
+        spread = measure_spread(patches, patch, copies[patch], visits, reach[patch])
+        if scans is None:
+            found[patch] = cause_of(spread, visits, apart[patch])
+        else:
+            place = patches.centroid[patch], patches.normal[patch]
+            found[patch] = scans.cause_of(spread, *place, float(apart[patch, 1]))
+    return found
 
 
 def reach_of(features: PatchFeatures) -> Floats:
@@ -135,6 +156,57 @@ def cause_of(spread: Spread, visits: Visits, apart: Floats) -> Cause:
     after = " and ".join(f"{value:.0f} {name}" for name, value in lengths.items())
     named = {f"away_{name}": value for name, value in lengths.items()}
     return Cause(MISSED_LOOP, f"seen again after {after}, it lies {metres:.2f} m{bounds} off", measures | named)
+
+
+class _ScanMotions(NamedTuple):
+    """What checked poses say of a map."""
+
+    breaks: Breaks
+    number: Ints  # (k,) scan of each moment
+
+    @classmethod
+    def of(cls, patches: Patches, visits: Visits, poses: CheckedPoses | None) -> _ScanMotions | None:
+        """Return what poses say; None where they were not checked."""
+        if poses is None or not len(poses.motion):
+            return None
+        rows = np.flatnonzero(visits.moment >= 0)
+        number = np.zeros(int(visits.moment.max(initial=-1)) + 1, np.int64)
+        number[visits.moment[rows]] = patches.cloud.fields["scan"][rows]
+        return cls(breaks_of(poses), number)
+
+    def cause_of(self, spread: Spread, at: Floats, normal: Floats, apart: float) -> Cause:
+        """Return the cause that motions show at a place (3) of a patch, whose scans disagree by `apart` metres."""
+        scans = self.number[list(spread.seen)]
+        offset = self.breaks.offsets(scans, at, normal)
+        if len(scans) and np.ptp(offset) < CLEAR and apart > LEAST:
+            # What other scans have of it may lie in no patch: then those beside the ones that see it are asked too.
+            near = np.unique(scans[:, None] + np.arange(-BESIDE, BESIDE + 1))
+            scans = near[(near >= 0) & (near < len(self.breaks.motion))]
+            offset = self.breaks.offsets(scans, at, normal)
+        if not len(scans):
+            return Cause(UNKNOWN, "no scan is known to have seen it", {})
+        one, other = sorted((int(scans[np.argmin(offset)]), int(scans[np.argmax(offset)])))
+        return self._named(one, other, self.breaks.split(one, other, at, normal))
+
+    def _named(self, one: int, other: int, parts: Parts) -> Cause:
+        """Return the cause of the largest of the parts that put two scans apart."""
+        alone = int(np.argmax(np.abs(parts.alone)))
+        by_scan, by_jump, by_drift = (abs(x) for x in (parts.alone[alone], parts.jump, parts.drift))
+        metres = max(abs(parts.alone[1] - parts.alone[0] - parts.jump - parts.drift), by_scan)
+        scan, measures = (one, other)[alone], {"between_scans": [one, other], "metres": metres}
+        if metres < CLEAR:
+            return Cause(UNKNOWN, f"the motions of scans {one} and {other} put it {metres:.2f} m apart only", measures)
+        edge = self.breaks.edge_over(one, other)
+        is_apart = edge is None or min(abs(scan - end) for end in edge.ends) > BESIDE
+        if by_scan > max(by_jump, by_drift) and is_apart:
+            return Cause(WRONG_SCAN, f"scan {scan} puts it {by_scan:.2f} m off", measures | {"scan": scan})
+        if edge is not None:
+            bends = f"scans {one} and {other}, {metres:.2f} m apart there"
+            text = f"the edge from {edge.ids[0]} to {edge.ids[1]} is wrong and bends {bends}"
+            return Cause(WRONG_EDGE, text, measures | {"edge": list(edge.ids)})
+        if by_jump > by_drift:
+            return Cause(MISSED_LOOP, f"scans jump by {by_jump:.2f} m between {one} and {other}", measures)
+        return Cause(DRIFT, f"scans drift by {by_drift:.2f} m from {one} to {other}", measures)
 
 
 def _gap(visits: Visits, before: int, after: int) -> dict[str, float]:
@@ -215,6 +287,7 @@ def nested_spread(height: Floats, cell: Ints, moment: Ints, visits: Visits) -> S
         n_visits,
         len(np.unique(moment)),
         _middle_gap(moment[:-1][gap], moment[1:][gap]),
+        tuple(np.flatnonzero(np.bincount(moment) >= FEWEST).tolist()),
     )
 
 

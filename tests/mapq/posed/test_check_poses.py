@@ -10,7 +10,10 @@ from scipy.spatial.transform import Rotation
 
 from mapq.io import write_ply
 from mapq.posed import PosedScans, check_poses, merge_scans, read_edges, write_without
+from mapq.posed.breaks import Breaks, breaks_of
+from mapq.posed.check_poses import CheckedPoses
 from mapq.posed.check_scans import PRIOR, check_scans, log_odds_wrong, pairs_of, scene_of
+from mapq.posed.edges import EdgeError
 from mapq.posed.register import Alignment, motion_about, moved_by, register, surface_of
 from mapq.posed.solve import RIGHT, SADDLE, Relation, solve
 from prf.shell.errors import InputError
@@ -144,6 +147,36 @@ def test_pairs_are_neighbours_and_what_overlaps_most() -> None:
     pairs = pairs_of(scene_of(merge_scans(SCANS), SCANS.poses))
     assert {(k, k + 1) for k in range(8)} <= set(pairs)
     assert all(a < b for a, b in pairs)
+
+
+def twisted(shifts: np.ndarray, edges: tuple[EdgeError, ...] = ()) -> Breaks:
+    """Return the breaks of motions that shift scans along y."""
+    motion = np.tile(np.eye(4), (len(shifts), 1, 1))
+    motion[:, 1, 3] = shifts
+    places = np.column_stack([np.arange(float(len(shifts))), np.zeros((len(shifts), 2))])
+    return breaks_of(CheckedPoses(edges=edges, motion=motion, places=places))
+
+
+def test_motions_are_parted_into_single_scans_jumps_and_drift() -> None:
+    at, y = np.array([4.0, 5.0, 0.0]), np.array([0.0, 1.0, 0.0])
+    lone, jump = (np.where(some, 0.4, 0.0) for some in (np.arange(12) == 5, np.arange(12) > 5))
+    for shifts, (one, other), expected in (
+        (lone, (2, 5), (0.0, -0.4, 0.0, 0.0)),
+        (jump, (2, 9), (0.0, 0.0, 0.4, 0.0)),
+        (jump, (7, 9), (0.0, 0.0, 0.0, 0.0)),
+        (0.04 * np.arange(12.0), (2, 9), (0.0, 0.0, 0.0, 0.28)),
+    ):
+        parts = twisted(shifts).split(one, other, at, y)
+        assert (*parts.alone, parts.jump, parts.drift) == pytest.approx(expected, abs=1e-9)
+
+
+def test_a_wrong_edge_bends_what_loops_over_it_span() -> None:
+    rows = [((3, 4), 0.9), ((2, 7), 0.1), ((6, 9), 0.1), ((10, 11), 0.1)]
+    edges = tuple(EdgeError(ends, 0.0, 0.0, p, row, ends) for row, (ends, p) in enumerate(rows))
+    found = twisted(np.zeros(12), edges)
+    assert [(edge.ids, edge.span) for edge in found.edges] == [((3, 4), (2, 9))]
+    assert found.edge_over(8, 11) == found.edges[0]
+    assert found.edge_over(9, 11) is None
 
 
 # Graphs.

@@ -11,7 +11,20 @@ from mapq.configuration import FeatureSettings
 from mapq.features import patch_features
 from mapq.io.results import result_cloud
 from mapq.labels import NO_PATCH
-from mapq.results.causes import LOCAL, MISSED_LOOP, UNKNOWN, Spread, cause_of, find_causes, nested_spread
+from mapq.posed.check_poses import CheckedPoses
+from mapq.posed.edges import EdgeError
+from mapq.results.causes import (
+    DRIFT,
+    LOCAL,
+    MISSED_LOOP,
+    UNKNOWN,
+    WRONG_EDGE,
+    WRONG_SCAN,
+    Spread,
+    cause_of,
+    find_causes,
+    nested_spread,
+)
 from mapq.results.result import assess
 from mapq.results.visits import Clock, Visits, join_stays, stays_of, visits_of
 from tests.mapq.factories import make_patches, shuffled, wall
@@ -130,6 +143,28 @@ def test_a_cause_is_named_where_it_is_sure_that_scans_disagree(apart, kind, word
     assert words in cause.text
     alone = cause_of(Spread(1.9, np.nan, 0.01, 2, 2, (9, N_SCANS)), visits, np.array([0.2, 0.3, 0.4]))
     assert (alone.kind, alone.text) == (UNKNOWN, "no two scans of one visit saw it, which could show the cause")
+
+
+@pytest.mark.parametrize(
+    ("shifts", "edge", "kind"),
+    [
+        (np.where(np.arange(40) == 5, 0.4, 0.0), None, WRONG_SCAN),
+        (np.where(np.arange(40) >= 15, 0.4, 0.0), None, MISSED_LOOP),
+        (0.02 * np.arange(40), None, DRIFT),
+        (0.02 * np.arange(40), (12, 13), WRONG_EDGE),
+        (np.where(np.arange(40) == 5, 0.4, 0.0), (12, 13), WRONG_SCAN),
+        (np.zeros(40), None, UNKNOWN),
+    ],
+)
+def test_checked_poses_name_the_cause(shifts, edge, kind):
+    motion = np.tile(np.eye(4), (40, 1, 1))
+    motion[:, 1, 3] = shifts
+    places = np.array([way_of(scan) for scan in range(40)])
+    edges = () if edge is None else (EdgeError(edge, 0.5, 0.0, 0.99, 0, edge),)
+    poses = CheckedPoses(edges=edges, motion=motion, places=places)
+    patches = wall_of_two_laps(0.4, 0.0)
+    found = find_causes(patches, patch_features(patches), np.ones(2, bool), visits_of(patches.cloud), poses)
+    assert {cause.kind for cause in found.values()} == {kind}
 
 
 def test_neither_the_order_of_points_nor_the_sign_of_a_normal_matters():
