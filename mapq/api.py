@@ -88,10 +88,8 @@ def read_scans(
         Camera calibration, pattern of names, order of quaternions, frame of the points.
     merging : MergeSettings, optional
         Thinning and ranges.
-    options : ReadOptions
-        What the files of scans do not contain, as :func:`read_cloud`.
-    progress : bool or callable
-        As :func:`segment`.
+    options, progress
+        As :func:`read_cloud`, of the files of scans, and :func:`segment`.
 
     Returns
     -------
@@ -198,8 +196,7 @@ def patch_features(
     ----------
     patches : Patches
     settings : FeatureSettings, optional
-    progress : bool or callable
-        As :func:`segment`.
+    progress : bool or callable, as of :func:`segment`
     """
     with reported(progress, N_STEPS, "features") as reporter:
         return measure(patches, settings, reporter)
@@ -209,6 +206,7 @@ def classify(
     map: Patches | PointCloud | ArrayLike | Path,
     model: Model | Path | None = None,
     *,
+    tolerance: float | None = None,
     max_false_alarms: float | None = None,
     segmentation: SegmentSettings | None = None,
     options: ReadOptions = AS_IT_IS,
@@ -222,19 +220,19 @@ def classify(
         A cloud is segmented first.
     model : Model or path, optional
         None: the model of the package.
+    tolerance : float, optional
+        Metres: suspicious is what scans, or copies, put farther apart. None: chosen for the map (docs/crf.md).
     max_false_alarms : float, optional
         Share of the plausible patches that may be called suspicious, such as 0.02.
     segmentation : SegmentSettings, optional
         For a cloud; patches are segmented already.
-    options : ReadOptions
-        For the file of a cloud.
-    progress : bool or callable
-        Of the segmentation, as :func:`segment`.
+    options, progress
+        For the file of a cloud, and of the segmentation, as :func:`segment`.
 
     Raises
     ------
     ArgumentError
-        If the array is not a cloud, `max_false_alarms` not a share, or `segmentation` given for patches.
+        If the array is not a cloud, `segmentation` is given for patches, or another value cannot be used.
     UsageError
         If the model has no operating points.
     InputError
@@ -253,7 +251,7 @@ def classify(
         _warn(found)
     if not isinstance(map, str | os.PathLike):
         origin = origin._replace(name=found.cloud.source or "the map")
-    return assess(found, used, origin=origin)
+    return assess(found, used, origin=origin, tolerance=tolerance)
 
 
 def classify_scans(
@@ -266,6 +264,7 @@ def classify_scans(
     merging: MergeSettings | None = None,
     options: ReadOptions = AS_IT_IS,
     segmentation: SegmentSettings | None = None,
+    tolerance: float | None = None,
     max_false_alarms: float | None = None,
     graph_out: Path | None = None,
     force: bool = False,
@@ -275,7 +274,7 @@ def classify_scans(
 
     Parameters
     ----------
-    scans, poses, model, every, find, merging, options, segmentation, max_false_alarms, progress
+    scans, poses, model, every, find, merging, options, segmentation, tolerance, max_false_alarms, progress
         As :func:`read_scans` and :func:`classify`, which also say what is raised.
     graph_out : path, optional
         The g2o file of the poses is written here without the edges that are probably wrong. `force`: over a file.
@@ -294,7 +293,8 @@ def classify_scans(
         refuse_existing(graph_out, force)
     with reported(progress, len(some), "merging scans") as reporter:
         cloud = merge_scans(some, merging, reporter)
-    result = classify(cloud, model, max_false_alarms=max_false_alarms, segmentation=segmentation, progress=progress)
+    given: dict[str, Any] = {"tolerance": tolerance, "max_false_alarms": max_false_alarms, "segmentation": segmentation}
+    result = classify(cloud, model, progress=progress, **given)
     checked = check_poses(cloud, some, edges)
     if graph_out is not None:
         write_without(whole.poses_from, os.fspath(graph_out), checked.wrong_rows)

@@ -204,7 +204,7 @@ class FeatureSettings(Table):
 
 
 class TrainSettings(Table):
-    """The random field (docs/crf.md), by train; max_false_alarms by classify too."""
+    """The random field (docs/crf.md), by train; tolerance and max_false_alarms by classify."""
 
     objective: Literal["pl", "max-margin"] = key(
         "pl", "", "pl: maximum pseudo-likelihood; max-margin: structured support vector machine", "pl|max-margin"
@@ -221,6 +221,14 @@ class TrainSettings(Table):
         "balanced", "", "balanced: both labels weigh the same in sum; none: every patch does"
     )
     folds: int = key(5, "", "of the cross-validation over regions", ge=2)
+    tolerance: float | None = key(
+        None,
+        "m",
+        "a surface is wrong if scans, or copies, put it farther apart along its normal; else chosen for the map: 0.1 "
+        "where scans are known, 0.3 without, or twice what they resolve",
+        "METRES",
+        gt=0,
+    )
     max_false_alarms: Share | None = key(
         None,
         "",

@@ -19,6 +19,9 @@ PLAUSIBLE, SUSPICIOUS, UNLABELLED = 0, 1, 255
 FROM_NOBODY, FROM_FIELD, FROM_HAND = 0, 1, 2
 """Source of a label: those set by hand outrank those of a field."""
 
+LABEL_TOLERANCE = 0.3
+"""Metres: what a label of 1 says is farther apart than this, unless PATCHES say otherwise."""
+
 SURE = 0.9
 """Share of a patch's points that must be plausible for a conservative label to call it so."""
 
@@ -52,11 +55,37 @@ def majority_of(counts: NDArray[np.int64]) -> tuple[NDArray[np.uint8], NDArray[n
     return np.where(known, label, UNLABELLED).astype(np.uint8), known & (suspicious == plausible)
 
 
-def truth_values(fields: Mapping[str, NDArray[Any]], name: str, patch: NDArray[np.integer], where: str) -> NDArray[Any]:
-    """Return the 0/1 point field `name` (n,) of file `where`; 255 is a point without a label.
+def are_metres(values: NDArray[Any]) -> bool:
+    """Return whether a point field (n,) of labels is metres apart: floats other than 0, 1 and 255."""
+    known = values[np.isfinite(values)] if values.dtype.kind == "f" else values[:0]
+    return bool(((known >= 0.0) & (known < 255.0) & (known != np.floor(known))).any())
 
-    Raises InputError if there is no such field, it is not one number a point, or a point of a patch has another value
-    or nan.
+
+def metres_of(patch: NDArray[np.integer], n_patches: int, values: NDArray[Any]) -> NDArray[np.float64]:
+    """Return the median (m,) of a field of metres (n,) over the points of each patch; nan where most are not known."""
+    inside = np.flatnonzero((patch != NO_PATCH) & np.isfinite(values))
+    order = inside[np.lexsort((values[inside], patch[inside]))]
+    n_known = np.bincount(patch[order], minlength=n_patches)
+    n_points = np.bincount(patch[patch != NO_PATCH], minlength=n_patches)
+    start = np.cumsum(n_known) - n_known
+    enough = (n_known > 0) & (2 * n_known >= n_points)
+    found = np.full(n_patches, np.nan)
+    found[enough] = values[order[start[enough] + n_known[enough] // 2]]
+    return found
+
+
+def truth_values(
+    fields: Mapping[str, NDArray[Any]],
+    name: str,
+    patch: NDArray[np.integer],
+    where: str,
+    tolerance: float = LABEL_TOLERANCE,
+) -> NDArray[Any]:
+    """Return the labels (n,) of points in field `name` of file `where`: 0, 1, or 255 without a label, as is nan.
+
+    A field of other floats is metres apart, of which more than `tolerance` is 1.
+
+    Raises InputError if there is no such field, it is not one number a point, or a point of a patch has another value.
     """
     if name not in fields:
         known = ", ".join(fields) or "none"
@@ -64,12 +93,19 @@ def truth_values(fields: Mapping[str, NDArray[Any]], name: str, patch: NDArray[n
     values = np.asarray(fields[name])
     if values.ndim != 1:
         raise InputError(f"{where}: field {name} has {values.shape[1]} numbers a point; expected one.")
+    if are_metres(values):
+        if (values < 0.0).any():
+            raise InputError(f"{where}: field {name} has metres below 0, such as {values[values < 0.0][0]:g}.")
+        return np.where(np.isnan(values), UNLABELLED, np.where(values > tolerance, SUSPICIOUS, PLAUSIBLE))
+    if values.dtype.kind == "f":
+        values = np.where(np.isnan(values), UNLABELLED, values)
     strange = ~np.isin(values, (PLAUSIBLE, SUSPICIOUS, UNLABELLED)) & (patch != NO_PATCH)
     if strange.any():
         example = values[strange][0]
         raise InputError(
             f"{where}: field {name} must be 0, 1 or 255, but is not at {np.count_nonzero(strange)} points of patches "
-            f"(e.g. {example}). Give 1 where suspicious, 0 where plausible, 255 where not known."
+            f"(e.g. {example}). Give 1 where suspicious, 0 where plausible, 255 where not known; or metres apart, as "
+            "floats."
         )
     return values
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapq.kernels.boosted_trees import Trees, contributions
+from mapq.labels import LABEL_TOLERANCE
 from prf.shell.errors import InputError
 
 SYMMETRIC, NONE = "symmetric", "none"
@@ -137,6 +138,8 @@ class Model:
         least threshold that keeps to it; and the share of suspicious patches found. Empty where none were kept out.
     training : mapping
         What the model was trained on, and its held-out scores.
+    tolerances : tuple of float
+        Metres, ascending, at which it learnt what is wrong; it serves those between the least and the largest.
     potential : Potential or None
         Trees that make the evidence of each patch, its one node feature; couplings are then shared out among the
         neighbours of a patch. None: the field is linear in all node features.
@@ -151,6 +154,7 @@ class Model:
     threshold: float = 0.0
     operating: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3)))
     training: Mapping[str, Any] = field(default_factory=dict)
+    tolerances: tuple[float, ...] = (LABEL_TOLERANCE,)
     potential: Potential | None = None
 
     @property

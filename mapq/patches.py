@@ -15,12 +15,15 @@ from mapq.labels import (
     FROM_FIELD,
     FROM_HAND,
     FROM_NOBODY,
+    LABEL_TOLERANCE,
     NO_PATCH,
     PLAUSIBLE,
     SUSPICIOUS,
     UNLABELLED,
+    are_metres,
     conservative_labels,
     majority_labels,
+    metres_of,
     truth_values,
 )
 from mapq.picture import Picture, picture_of_points
@@ -53,6 +56,10 @@ class Patches:
         What the segmentation used, estimated or given: numbers, in metres and degrees, and the up direction.
     report : mapping
         What the segmentation found: counts of points dropped and why.
+    apart : (m,) float64 or None
+        Metres by which each patch is truly apart, nan where not known; None where no field said so.
+    label_tolerance : float
+        Metres: a label says whether a patch is farther apart than this.
     """
 
     cloud: PointCloud
@@ -63,6 +70,8 @@ class Patches:
     label_source: NDArray[np.uint8]
     parameters: Mapping[str, Any] = field(default_factory=dict)
     report: Mapping[str, Any] = field(default_factory=dict)
+    apart: NDArray[np.float64] | None = None
+    label_tolerance: float = LABEL_TOLERANCE
 
     @classmethod
     def unlabelled(
@@ -99,6 +108,19 @@ class Patches:
     def counts(self) -> NDArray[np.int64]:
         """Number of points (m,) of each patch."""
         return np.bincount(self.patch[self.patch != NO_PATCH], minlength=len(self)).astype(np.int64)
+
+    def label_at(self, tolerance: float) -> NDArray[np.uint8]:
+        """Return the labels (m,) that are known at a tolerance in metres: suspicious is what is farther apart.
+
+        By metres where they are known and no label was set by hand. A label alone says at which tolerances it holds:
+        suspicious up to `label_tolerance`, plausible from there on.
+        """
+        holds = np.where(self.label == SUSPICIOUS, tolerance <= self.label_tolerance, tolerance >= self.label_tolerance)
+        label = np.where(holds, self.label, np.uint8(UNLABELLED))
+        if self.apart is None:
+            return label
+        measured = np.isfinite(self.apart) & (self.label_source != FROM_HAND)
+        return np.where(measured, np.where(self.apart > tolerance, SUSPICIOUS, PLAUSIBLE), label).astype(np.uint8)
 
     def extent(self, group: NDArray[np.int64]) -> tuple[int, NDArray[np.float64]]:
         """Return the number of points of some patches, and lowest corner, highest corner and mean (3, 3) of them."""
@@ -197,14 +219,17 @@ def label_from_field(
 ) -> tuple[Patches, dict[str, int]]:
     """Return the patches of file `where` labelled by a point field, and how many there are of each kind then.
 
-    By the majority of the points, or with `conservative` as :func:`conservative_labels`.
+    By the majority of the points, or with `conservative` as :func:`conservative_labels`. Of a field of floats, which is
+    metres apart, the median of each patch is kept too.
 
     Labels set by hand stay unless `overwrite_hand`; labels of an earlier field are replaced, also by none. `n_ties`
     counts patches with as many points of either kind, which became suspicious; `n_kept` those whose label stays.
 
     Raises InputError as :func:`truth_values`.
     """
-    values = truth_values(patches.cloud.fields, name, patches.patch, where)
+    values = truth_values(patches.cloud.fields, name, patches.patch, where, patches.label_tolerance)
+    given = np.asarray(patches.cloud.fields[name])
+    apart = metres_of(patches.patch, len(patches), given) if are_metres(given) else None
     rule = conservative_labels if conservative else majority_labels
     label, ties = rule(patches.patch, len(patches), values)
     source = np.where(label == UNLABELLED, FROM_NOBODY, FROM_FIELD).astype(np.uint8)
@@ -219,4 +244,4 @@ def label_from_field(
         "n_ties": int(np.count_nonzero(ties & ~kept)),
         "n_kept": int(np.count_nonzero(kept)),
     }
-    return replace(patches, label=label, label_source=source), counts
+    return replace(patches, label=label, label_source=source, apart=apart), counts

@@ -26,6 +26,10 @@ from prf.shell.errors import require
 
 N_REGIONS = 20
 """About the number of regions into which labelled patches are cut for cross-validation."""
+TOLERANCES = (0.05, 0.1, 0.2, 0.3, 0.5, 0.8)
+"""Metres at which a model learns what is wrong, where labels are metres."""
+CLOSE = 1.0 / 3.0
+"""Share of the tolerance from which points alone do not tell whether a surface is apart by more than it."""
 SMALLEST_REGION = 8
 """Patches: smaller regions would part neighbours wherever they are cut."""
 
@@ -54,11 +58,16 @@ def train_maps(
         maps.append(source if isinstance(source, Patches) else read_patches(source))
         if progress is not None:
             progress(number + 0.5)
-    labels = [conservative_label(patches) if conservative else patches.label for patches in maps]
+    if conservative:
+        maps = [replace(patches, label=conservative_label(patches)) for patches in maps]
+    labels, tolerances = [patches.label for patches in maps], tolerances_of(maps)
     training_maps = []
     regions = regions_of(maps, labels, region_size(labels, N_REGIONS))
-    for number, (patches, label, region) in enumerate(zip(maps, labels, regions, strict=True)):
-        training_maps.append(TrainingMap(patch_features(patches, features), label, region))
+    for number, (patches, region) in enumerate(zip(maps, regions, strict=True)):
+        measured = patch_features(patches, features)
+        training_maps += [
+            TrainingMap(measured, patches.label_at(t), region, t, _between(patches, t)) for t in tolerances
+        ]
         if progress is not None:
             progress(number + 1)
     trained = train(training_maps, settings)
@@ -70,6 +79,24 @@ def train_maps(
     return replace(trained.model, features=features.stored(), training=summary)
 
 
+def _between(patches: Patches, tolerance: float) -> NDArray[np.bool_] | None:
+    """Return which patches (m,) are apart by a third of the tolerance or more, and not by more than it."""
+    apart = patches.apart
+    return None if apart is None else np.asarray((apart > CLOSE * tolerance) & (apart <= tolerance))
+
+
+def tolerances_of(maps: Sequence[Patches]) -> list[float]:
+    """Return the tolerances in metres, ascending, at which there are labels of both kinds; else those of the labels.
+
+    Where it is known by how many metres patches are apart, `TOLERANCES` too.
+    """
+    own = {patches.label_tolerance for patches in maps}
+    tried = own.union(*(TOLERANCES for patches in maps if patches.apart is not None))
+    labels = {each: np.concatenate([patches.label_at(each) for patches in maps]) for each in sorted(tried)}
+    both = [each for each, label in labels.items() if {PLAUSIBLE, SUSPICIOUS} <= set(label.tolist())]
+    return both or sorted(own)
+
+
 def region_size(labels: Sequence[NDArray[np.uint8]], n_regions: int) -> int:
     """Return the number of labelled patches a region may have, for about `n_regions` regions over all maps."""
     n_labelled = sum(int(np.count_nonzero(label != UNLABELLED)) for label in labels)
@@ -79,12 +106,14 @@ def region_size(labels: Sequence[NDArray[np.uint8]], n_regions: int) -> int:
 def regions_of(
     maps: Sequence[Patches], labels: Sequence[NDArray[np.uint8]], max_patches: int
 ) -> list[NDArray[np.int64]]:
-    """Return the region (m,) of the labelled patches of each map; patches without a label are in region 0."""
-    regions = []
+    """Return the region (m,) of the labelled patches of each map, numbered over all; without a label region 0."""
+    regions, n_regions = [], 0
     for patches, label in zip(maps, labels, strict=True):
         region = np.zeros(len(patches), np.int64)
         known = label != UNLABELLED
-        region[known] = split_regions(patches.centroid[known], max_patches)
+        if known.any():
+            region[known] = split_regions(patches.centroid[known], max_patches) + n_regions
+            n_regions = int(region.max()) + 1
         regions.append(region)
     return regions
 

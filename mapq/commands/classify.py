@@ -6,7 +6,7 @@ import dataclasses
 import logging
 import math
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -31,7 +31,7 @@ N_POSES = 10
 EXAMPLES = (
     "mapq classify scans --poses trajectory.tum",
     "mapq classify survey.laz --preset survey-scanner -o survey.classified.laz",
-    "mapq classify city.patches --fail-over 5%",
+    "mapq classify scans --poses slam.g2o --tolerance 0.1 --fail-over 5% --fail-apart 0.05",
     "mapq classify city/ -o city.classified/ --workers 8",
 )
 
@@ -45,7 +45,7 @@ GraphOut = Annotated[
 ]
 
 
-@with_settings(Configuration, "cloud", "scans", "segment", "crf.max_false_alarms", "tiles")
+@with_settings(Configuration, "cloud", "scans", "segment", "crf.tolerance", "crf.max_false_alarms", "tiles")
 def classify(
     inputs: Annotated[
         list[str],
@@ -67,14 +67,21 @@ def classify(
             help="Exit 1 if more of the area is suspicious: 0.05 or 5%.",
         ),
     ] = None,
+    fail_apart: Annotated[
+        float | None,
+        typer.Option(
+            "--fail-apart",
+            metavar="METRES",
+            help="Exit 1 if scans disagree by more in the median, or are not known.",
+        ),
+    ] = None,
     min_coverage: Annotated[
         float | None,
         typer.Option(
             "--min-coverage",
             metavar="SHARE",
             parser=parse_share,
-            help="With --fail-over, exit 1 too if fewer of the points on planes of any tilt are in judged patches.  "
-            "[20%]",
+            help="With either, exit 1 too if fewer of the points on planes of any tilt are in judged patches.  [20%]",
         ),
     ] = None,
     graph_out: GraphOut = None,
@@ -84,11 +91,13 @@ def classify(
 ) -> None:
     """Label the patches of a map plausible or suspicious, with reasons.
 
-    RESULT.ply (or .las, .laz) has all points with all their fields, and patch, suspicious (0, 1, 255 = no patch),
-    p_suspicious and colours: plausible blue, suspicious red. RESULT.json beside it has the regions of connected
-    suspicious patches, worst first, and each patch with reasons in words and the terms behind them. Where points have a
-    scan, a time or a pass, each suspicious patch has a cause too: a missed loop closure, or a local mapping error.
-    Default output: the stem of the input, or the folder of the scans, + .classified.ply.
+    Suspicious is what scans, or copies of a surface, put farther apart than the tolerance. RESULT.ply (or .las, .laz)
+    has all points with all their fields, and patch, suspicious (0, 1, 255 = no patch), p_suspicious and colours:
+    plausible blue, suspicious red. RESULT.json beside it has the regions of connected suspicious patches, worst first,
+    and each patch with reasons in words and the terms behind them. Where points have a scan, a time or a pass, each
+    suspicious patch has a cause too: a missed loop closure, or a local mapping error; of scans with poses a wrong edge
+    or scan, drift, or a missed loop closure. Default output: the stem of the input, or the folder of the scans, +
+    .classified.ply.
 
     Scans are merged where their poses put them, and the result knows which scan saw what and from where, by which far
     more errors are found. It names scans that the others want elsewhere, and of poses in g2o the edges that are wrong.
@@ -99,11 +108,12 @@ def classify(
     """
     from mapq.io.results import result_lines
     from mapq.io.tiles import is_tiled
-    from mapq.results.result import MIN_COVERAGE
+    from mapq.results.verdict import MIN_COVERAGE
     from prf.shell.cli import console, storage
     from prf.shell.cli.files import STREAM
 
-    limits = fail_over, MIN_COVERAGE if min_coverage is None else min_coverage
+    least = MIN_COVERAGE if min_coverage is None else min_coverage
+    limits = {"fail_over": fail_over, "min_coverage": least, "fail_apart": fail_apart}
     file, as_scans = inputs[0], are_scans(inputs, settings)
     in_tiles = _are_tiles_wanted(file, as_scans, settings)
     _refuse_mixed(as_scans, in_tiles, graph_out)
@@ -113,9 +123,9 @@ def classify(
     else:
         target = output or default_name(inputs if file != STREAM else ["map"], ".classified.ply")
         result = _classify(inputs, as_scans, model, target, settings, force, graph_out)
-        result.save(target, fail_over=limits[0], min_coverage=limits[1], force=True)
+        result.save(target, force=True, **limits)
     if json:
-        storage.emit_pieces(result_lines({"output": target, **result.head(*limits)}, result.patch_rows()))
+        storage.emit_pieces(result_lines({"output": target, **result.head(**limits)}, result.patch_rows()))
     else:
         for line in _lines(result, target, limits):
             console.summarize(line)
@@ -169,15 +179,16 @@ def _classify(
     refuse_inputs([target, json_beside(target)], [*read, settings.file])
     if graph_out is not None:
         claim_output(graph_out, force, inputs=[*read, settings.file])
-    operating, scans, is_cut = chosen.crf.max_false_alarms, chosen.scans, False
+    crf, scans, is_cut = chosen.crf, chosen.scans, False
+    how: dict[str, Any] = {"tolerance": crf.tolerance, "max_false_alarms": crf.max_false_alarms}
     if as_scans:
         posed: dict[str, Any] = {"every": scans.every, "find": scans, "merging": scans, "options": chosen.cloud}
         posed |= {"segmentation": chosen.segment, "graph_out": graph_out, "force": force}
-        result = classify_scans(inputs, None, model, max_false_alarms=operating, **posed)
+        result = classify_scans(inputs, None, model, **how, **posed)
     else:
         found = read_input(file, cloud_options(file, settings))
         is_cut = isinstance(found, Patches)
-        result = label(found, model, max_false_alarms=operating, segmentation=None if is_cut else chosen.segment)
+        result = label(found, model, **how, segmentation=None if is_cut else chosen.segment)
     if not is_cut:
         report = {**result.patches.report, "sources": sources_of(settings, "segment")}
         result = dataclasses.replace(result, patches=dataclasses.replace(result.patches, report=report))
@@ -205,7 +216,7 @@ def _classify_tiles(
     target: str,
     model: str | None,
     settings: Loaded[Configuration],
-    limits: tuple[float | None, float],
+    limits: Mapping[str, Any],
     force: bool,
 ) -> Result:
     """Classify a map tile by tile, and write the result."""
@@ -245,25 +256,30 @@ def _tiled_target(file: str) -> str:
     return default_name([file], ".classified" if os.path.isdir(file) else ".classified.ply")
 
 
-def _check(file: str, result: Result, limits: tuple[float | None, float]) -> None:
+def _check(file: str, result: Result, limits: Mapping[str, Any]) -> None:
     """Raise CheckFailed if a map does not pass."""
     from prf.shell.errors import CheckFailed
 
-    verdict = result.verdict(*limits)
+    verdict = result.verdict(**limits)
     if verdict["passed"] is not False:
         return
     if not len(result.patches):
         raise CheckFailed(f"{file}: no patch to judge, so the map does not pass.")
     share, fail_over = verdict["share_of_area"], verdict["fail_over"]
-    if share > fail_over:
+    if fail_over is not None and share > fail_over:
         raise CheckFailed(f"{file}: {share:.1%} of the area of patches is suspicious, more than {fail_over:.1%}.")
+    apart, fail_apart = verdict["scans_apart_m"], verdict["fail_apart"]
+    if fail_apart is not None and apart != apart:
+        raise CheckFailed(f"{file}: scans are not known, so nor is how far they disagree. Classify SCANS with --poses.")
+    if fail_apart is not None and apart > fail_apart:
+        raise CheckFailed(f"{file}: scans disagree by {apart:.3f} m in the median, more than {fail_apart:g} m.")
     raise CheckFailed(
-        f"{file}: only {verdict['coverage']:.1%} of the points on planes could be judged, less than {limits[1]:.1%}. "
-        "Judge more by --max-tilt, or lower --min-coverage."
+        f"{file}: only {verdict['coverage']:.1%} of the points on planes could be judged, less than "
+        f"{verdict['min_coverage']:.1%}. Judge more by --max-tilt, or lower --min-coverage."
     )
 
 
-def _lines(result: Result, target: str, limits: tuple[float | None, float]) -> Iterator[str]:
+def _lines(result: Result, target: str, limits: Mapping[str, Any]) -> Iterator[str]:
     """Yield the summary for a person, the verdict last; -v lists more regions, patches and reasons."""
     n_regions, n_worst, n_reasons = (5, 10, 3) if is_verbose() else (3, 1, 2)
     if result.regions:
@@ -285,6 +301,7 @@ def _lines(result: Result, target: str, limits: tuple[float | None, float]) -> I
         yield f"scans disagree  {apart}, over the area that several saw"
     yield from _pose_lines(result.poses)
     yield f"judged          {_judged(result)}"
+    yield f"tolerance       {_tolerance(result, limits)}"
     yield f"verdict         {_verdict(result, limits)}"
     yield f"result          {target} and .json"
 
@@ -323,15 +340,25 @@ def _judged(result: Result) -> str:
     return f"{share} of the points on planes{which}"
 
 
-def _verdict(result: Result, limits: tuple[float | None, float]) -> str:
+def _tolerance(result: Result, limits: Mapping[str, Any]) -> str:
+    """Return the tolerance, what scans resolve, and how much of the area they do not decide at it."""
+    verdict, words = result.verdict(**limits), f"{result.tolerance:.2f} m"
+    if verdict["resolution_m"] != verdict["resolution_m"]:
+        return f"{words}; scans are not known, so copies are found by points alone"
+    open_ = f"{verdict['unresolved_share_of_area']:.1%} of the area by too few scans to be sure"
+    return f"{words}; scans resolve {verdict['resolution_m']:.3f} m, and saw {open_}"
+
+
+def _verdict(result: Result, limits: Mapping[str, Any]) -> str:
     """Return how much of what was judged is suspicious, and whether the map passes."""
-    counts, passed = result.counts, result.verdict(*limits)["passed"]
+    counts, passed = result.counts, result.verdict(**limits)["passed"]
     answer = "" if passed is None else ": the map passes" if passed else ": the map does not pass"
     patches = f"{counts['n_suspicious']} of {counts['n_patches']} patches"
     if not counts["n_patches"]:
         return f"nothing was judged, {patches}{answer}"
     area = f"{counts['area_suspicious_m2']:.1f} of {counts['area_m2']:.1f} m2"
-    return f"{counts['share_of_area']:.1%} of the area judged is suspicious ({area}, {patches}){answer}"
+    share = f"{counts['share_of_area']:.1%} of the area judged is suspicious"
+    return f"{share} at {result.tolerance:.2f} m ({area}, {patches}){answer}"
 
 
 def _region(result: Result, region: Region) -> str:

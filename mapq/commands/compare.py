@@ -31,7 +31,7 @@ LITTLE = 0.1
 """Share of both maps' areas below which common ground is doubtful."""
 
 
-@with_settings(Configuration, "cloud")
+@with_settings(Configuration, "cloud", "crf.tolerance")
 def compare(
     first: Annotated[
         str,
@@ -62,8 +62,8 @@ def compare(
 
     Only common ground counts: cells in which both have patches. Where scans are known in both, the better map is the
     one whose scans disagree by less; else that of which a smaller share is expected to be wrong: the mean of
-    p_suspicious over the area. Places are cells side by side whose expected share differs by more than a quarter. The
-    maps are not aligned.
+    p_suspicious over the area. Both are judged at one tolerance. Places are cells side by side whose expected share
+    differs by more than a quarter. The maps are not aligned.
     """
     from mapq.io.models import read_model
     from mapq.results.compare import check_cell, comparison_content
@@ -74,7 +74,8 @@ def compare(
 
     used = read_model(model) if model is not None else None
     check_cell(cell)
-    one, other = (read_judged(name, used, cell, settings.settings.cloud) for name in (first, second))
+    chosen = settings.settings
+    one, other = (read_judged(name, used, cell, chosen.cloud, chosen.crf.tolerance) for name in (first, second))
     found = compare_maps(one, other, cell)
     if found.covered.max() < LITTLE:
         logger.warning(
@@ -98,7 +99,7 @@ def compare(
 
 def _lines(found: Comparison, first: str, second: str) -> Iterator[str]:
     """Return the table for a person."""
-    yield f"{'common ground':<16}{found.n_cells} cells of {found.cell:g} m"
+    yield f"{'common ground':<16}{found.n_cells} cells of {found.cell:g} m, judged at {found.tolerance:.2f} m"
     heads = ("area", "in common", "judged", "suspicious", "expected", "scans apart")
     yield f"{'':<16}" + "".join(f"{head:>12}" for head in heads)
     for place, (name, path) in enumerate(zip("AB", (first, second), strict=True)):

@@ -25,7 +25,7 @@ DETAILS = ("balanced_accuracy", "base_rate", "log_loss", "brier")
 """Scores that only -v prints."""
 
 
-@with_settings(Configuration, "crf.max_false_alarms")
+@with_settings(Configuration, "crf.tolerance", "crf.max_false_alarms")
 def evaluate(
     file: Annotated[
         str, typer.Argument(metavar="RESULT|PATCHES", help="What mapq classify wrote, or patches to be classified.")
@@ -38,7 +38,8 @@ def evaluate(
         typer.Option(
             "--truth-field",
             metavar="NAME",
-            help="Point field with the truth: 1 suspicious, 0 plausible, 255 unknown.  [labels of PATCHES, else truth]",
+            help="Point field with the truth: 1 suspicious, 0 plausible, 255 unknown, or metres apart.  [labels of "
+            "PATCHES, else truth]",
         ),
     ] = None,
     json: Json = False,
@@ -52,7 +53,8 @@ def evaluate(
     from mapq.results.evaluate import read_labelled, reliability, score_labels
     from prf.shell.cli import console, storage
 
-    labelled = read_labelled(file, load_model(model, settings.settings.crf.max_false_alarms), truth_field)
+    chosen = settings.settings.crf
+    labelled = read_labelled(file, load_model(model, chosen.max_false_alarms), truth_field, chosen.tolerance)
     scores = score_labels(labelled.label, labelled.truth, labelled.probability)
     bins = reliability(labelled.truth, labelled.probability)
     if json:

@@ -25,7 +25,17 @@ def label(
         typer.Option(
             "--from-field",
             metavar="NAME",
-            help="Point field with 1 where suspicious, 0 where plausible, 255 where not known; no page is opened.",
+            help="Point field with 1 where suspicious, 0 where plausible, 255 where not known; or floats, metres "
+            "apart. No page is opened.",
+        ),
+    ] = None,
+    tolerance: Annotated[
+        float | None,
+        typer.Option(
+            "--tolerance",
+            metavar="METRES",
+            min=0.001,
+            help="With --from-field: suspicious is what is farther apart than this.  [0.3]",
         ),
     ] = None,
     conservative: Annotated[
@@ -59,7 +69,8 @@ def label(
     s suspicious, u unsure, z undoes. Each label is on the disk before the next patch is shown, and in PATCHES when
     labelling ends, by the button or by Ctrl-C. It resumes where it stopped, also after a crash.
 
-    With --from-field a patch with as many points of either kind is suspicious. With --conservative every patch gets a
+    With --from-field a patch with as many points of either kind is suspicious; of metres apart the median of each patch
+    is kept too, from which mapq train learns all tolerances. With --conservative every patch gets a
     label, and is plausible only if nine tenths of its points are: what is unknown counts against it. Labels of an
     earlier field are replaced.
     """
@@ -68,23 +79,29 @@ def label(
 
     if patches == STREAM:
         raise UsageError("labels are stored in PATCHES itself, which standard input has no place for. Name a file.")
-    if (conservative or force) and from_field is None:
-        raise UsageError("--conservative and --force are for --from-field.")
+    if (conservative or force or tolerance is not None) and from_field is None:
+        raise UsageError("--tolerance, --conservative and --force are for --from-field.")
     if from_field is not None and (model is not None or port or no_browser):
         raise UsageError("--model, --port and --no-browser are for the page, which --from-field does not open.")
     if from_field is not None:
-        _from_field(patches, from_field, conservative, force, json)
+        _from_field(patches, from_field, tolerance, conservative, force, json)
     else:
         _by_hand(patches, model, port, not no_browser, json)
 
 
-def _from_field(path: str, name: str, conservative: bool, force: bool, json: bool) -> None:
+def _from_field(path: str, name: str, tolerance: float | None, conservative: bool, force: bool, json: bool) -> None:
     """Label by a point field."""
+    from dataclasses import replace
+
     from mapq.labelling.store import relabel
-    from mapq.patches import label_from_field
+    from mapq.patches import Patches, label_from_field
     from prf.shell.cli import console, storage
 
-    counts = relabel(path, lambda patches: label_from_field(patches, name, path, force, conservative))
+    def labelled(patches: Patches) -> tuple[Patches, dict[str, int]]:
+        judged = patches if tolerance is None else replace(patches, label_tolerance=tolerance)
+        return label_from_field(judged, name, path, force, conservative)
+
+    counts = relabel(path, labelled)
     if json:
         storage.emit_object("mapq.label/1", {"patches": path, "field": name, **counts})
         return

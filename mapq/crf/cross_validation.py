@@ -25,7 +25,7 @@ from mapq.crf.train import (
     require_labels,
     signs,
 )
-from mapq.crf.trees import add_evidence, columns_of, grow, without_scans
+from mapq.crf.trees import add_evidence, columns_of, evidence_of, grow, without_scans
 from mapq.labels import SUSPICIOUS, UNLABELLED
 from mapq.model import NONE, Calibration, Columns, Model, Potential
 
@@ -101,7 +101,7 @@ def train(maps: Sequence[TrainingMap], settings: TrainSettings | None = None) ->
     folds = _usable_folds(maps, settings.folds)
     potential, importance = None, dict[str, float]()
     if settings.potential == "trees":
-        columns = [columns_of(training_map.features) for training_map in maps]
+        columns = [columns_of(each.features, each.tolerance) for each in maps]
         maps, folds, potential = with_trees(maps, columns, folds, settings)
         importance = potential.importance(columns)
     prepared = prepare(maps, settings)
@@ -119,6 +119,7 @@ def train(maps: Sequence[TrainingMap], settings: TrainSettings | None = None) ->
     trial = trials.get(chosen)
     weights = fit_weights(prepared, labels, settings, chosen)
     model = Model(settings.edge_model, {}, prepared.node, prepared.x_range, weights, potential=potential)
+    model = replace(model, tolerances=tuple(sorted({each.tolerance for each in maps})))
     held_out = None
     if trial is not None:
         calibrated = choose_calibration(trial.difference, trial.y, trial.label, trial.fold)
@@ -148,22 +149,28 @@ def with_trees(
         for number in range(len(maps))
         if not np.array_equal(columns[number].values, bare[number].values, equal_nan=True)
     ]
-    sources = [*range(len(maps)), *twice]
+    sources = [*maps, *(maps[number].of_points_alone() for number in twice)]
     seen = [*columns, *(bare[number] for number in twice)]
-    labels = [signs(maps[number].label) for number in sources]
-    masks = [[fold[number] for number in sources] for fold in folds]
+    labels = [signs(each.label) for each in sources]
+    masks = [
+        [
+            hidden & (each.label != UNLABELLED)
+            for hidden, each in zip([*fold, *(fold[n] for n in twice)], sources, strict=True)
+        ]
+        for fold in folds
+    ]
     weights = patch_weights(labels, settings.class_weight == "balanced")
     potential = grow(seen, labels, weights)
-    evidence = [potential.log_odds(each) for each in seen]
+    evidence = [evidence_of(each, potential) for each in seen]
     for mask in masks:
         visible = [np.where(hidden, 0.0, label) for hidden, label in zip(mask, labels, strict=True)]
         outside = grow(seen, visible, weights)
         for found, hidden, each in zip(evidence, mask, seen, strict=True):
             if hidden.any():
-                found[hidden] = outside.log_odds(each)[hidden]
+                found[hidden] = evidence_of(each, outside)[hidden]
     features = [
-        maps[number]._replace(features=add_evidence(maps[number].features, found))
-        for number, found in zip(sources, evidence, strict=True)
+        each._replace(features=add_evidence(each.features, found))
+        for each, found in zip(sources, evidence, strict=True)
     ]
     return features, masks, potential
 
@@ -201,10 +208,7 @@ def _usable_folds(maps: Sequence[TrainingMap], n_folds: int) -> list[list[NDArra
     A fold without which only one label is left cannot be trained on and is passed over.
     """
     known = [training_map.label != UNLABELLED for training_map in maps]
-    regions, n_regions = [], 0
-    for training_map, labelled in zip(maps, known, strict=True):
-        regions.append(training_map.region[labelled] + n_regions)
-        n_regions += int(training_map.region.max(initial=-1)) + 1
+    regions = [training_map.region[labelled] for training_map, labelled in zip(maps, known, strict=True)]
     labels = np.concatenate([m.label[labelled] for m, labelled in zip(maps, known, strict=True)])
     _, region = np.unique(np.concatenate(regions), return_inverse=True)
     fold = assign_folds(region, labels == SUSPICIOUS, n_folds)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from mapq.crf.trees import with_evidence
 from mapq.features.table import PatchFeatures
+from mapq.labels import LABEL_TOLERANCE
 from mapq.model import NONE, PLAUSIBILITY, Model, Scaling
 from prf.shell.errors import InputError
 
@@ -118,9 +119,9 @@ def make_field(inputs: Inputs, edge_model: str, weights: NDArray[np.float64]) ->
     return Field(design @ weights[: design.shape[1]], inputs.pairs, coupling(inputs, edge_model, weights))
 
 
-def model_inputs(features: PatchFeatures, model: Model) -> Inputs:
-    """Return the inputs of a map as `model` standardises them."""
-    known, shared = with_evidence(features, model.potential), model.potential is not None
+def model_inputs(features: PatchFeatures, model: Model, tolerance: float = LABEL_TOLERANCE) -> Inputs:
+    """Return the inputs of a map as `model` standardises them; `tolerance`: metres from which surfaces are wrong."""
+    known, shared = with_evidence(features, model.potential, tolerance), model.potential is not None
     return make_inputs(known, model.edge_model, model.node, model.x_range, shared)
 
 

@@ -14,11 +14,11 @@ from mapq.crf.energy import (
     model_inputs,
     node_columns,
 )
-from mapq.crf.trees import columns_of
+from mapq.crf.trees import LOW_RATIO, columns_of, evidence_of
 from mapq.features.table import PatchFeatures
 from mapq.kernels.boosted_trees import contributions
-from mapq.labels import SUSPICIOUS
-from mapq.model import NONE, Model
+from mapq.labels import LABEL_TOLERANCE, SUSPICIOUS
+from mapq.model import NONE, Columns, Model
 
 BASE = "base"
 """The bias of nodes: the log-odds of a patch of which nothing is known."""
@@ -51,12 +51,15 @@ class Terms(NamedTuple):
         return np.searchsorted(self.patch, np.arange(n_patches + 1))
 
 
-def explain(features: PatchFeatures, model: Model, label: NDArray[np.uint8]) -> Terms:
-    """Return the terms that led to labels (m,) of the patches of a map."""
-    inputs = model_inputs(features, model)
-    blocks = list(
-        _node_blocks(features, inputs, model) if model.potential is None else _tree_blocks(features, inputs, model)
-    )
+def explain(
+    features: PatchFeatures, model: Model, label: NDArray[np.uint8], tolerance: float = LABEL_TOLERANCE
+) -> Terms:
+    """Return the terms that led to labels (m,) of the patches of a map at a tolerance in metres."""
+    inputs = model_inputs(features, model, tolerance)
+    if model.potential is None:
+        blocks = list(_node_blocks(features, inputs, model))
+    else:
+        blocks = list(_tree_blocks(columns_of(features, tolerance).take(model.potential.names), inputs, model))
     if model.edge_model != NONE:
         blocks.append(_coupling_block(inputs, model, label))
     block_names, *columns = zip(*blocks, strict=True)
@@ -81,12 +84,14 @@ def _node_blocks(features: PatchFeatures, inputs: Inputs, model: Model) -> Itera
         yield name, patch, raw[:, index], 2.0 * model.weights[1 + index] * inputs.node[:, index], nobody
 
 
-def _tree_blocks(features: PatchFeatures, inputs: Inputs, model: Model) -> Iterator[_Block]:
+def _tree_blocks(columns: Columns, inputs: Inputs, model: Model) -> Iterator[_Block]:
     """Yield what each column adds to the evidence of the trees; a column of a pair belongs to its other patch."""
     assert model.potential is not None
-    columns = columns_of(features).take(model.potential.names)
     added = contributions(model.potential.trees, columns.values)
-    whole = model.potential.base + added.sum(axis=1)
+    whole = evidence_of(columns, model.potential)
+    # What a disagreement that is surely above the tolerance decides beyond the trees is its lower bound's.
+    if LOW_RATIO in columns.names:
+        added[:, columns.names.index(LOW_RATIO)] += whole - model.potential.base - added.sum(axis=1)
     # Evidence beyond its bound is cut; its parts shrink with it.
     kept = np.divide(inputs.node[:, 0], whole, out=np.ones(len(whole)), where=whole != 0.0)
     weight = 2.0 * model.weights[1] * kept

@@ -17,7 +17,7 @@ from scipy.sparse.csgraph import reverse_cuthill_mckee
 from mapq.crf.calibration import probabilities
 from mapq.crf.energy import Field, make_field, model_inputs
 from mapq.features.table import PatchFeatures
-from mapq.labels import PLAUSIBLE, SUSPICIOUS
+from mapq.labels import LABEL_TOLERANCE, PLAUSIBLE, SUSPICIOUS
 from mapq.model import Model
 from prf.shell.errors import InputError
 
@@ -165,12 +165,14 @@ class Labelling(NamedTuple):
     difference: NDArray[np.float64]  # (m,) difference of min-marginals, in nats
 
 
-def classify(features: PatchFeatures, model: Model) -> Labelling:
+def classify(features: PatchFeatures, model: Model, tolerance: float = LABEL_TOLERANCE) -> Labelling:
     """Return the labelling of highest score (equation 5), exactly, by a graph cut.
 
+    `tolerance`: metres; suspicious is what is farther apart. Couplings are the same at all tolerances and attract, so
+    differences of min-marginals rise with every potential, and fall as the tolerance rises.
     Raises InputError if the features lack one of the model's, or one is not finite.
     """
-    cut = solve(make_field(model_inputs(features, model), model.edge_model, model.weights))
+    cut = solve(make_field(model_inputs(features, model, tolerance), model.edge_model, model.weights))
     label = cut.label
     if model.threshold != 0.0:
         label = np.where(cut.difference >= model.threshold, SUSPICIOUS, PLAUSIBLE).astype(np.uint8)

@@ -14,7 +14,7 @@ from mapq.crf.energy import Inputs, label_design, make_inputs, node_columns, req
 from mapq.crf.max_margin import GAP, fit_margin, make_part
 from mapq.crf.pseudo_likelihood import Problem, fit
 from mapq.features.table import PatchFeatures
-from mapq.labels import SUSPICIOUS, UNLABELLED
+from mapq.labels import LABEL_TOLERANCE, SUSPICIOUS, UNLABELLED
 from mapq.model import CLIP, EVIDENCE, NONE, Scaling
 from prf.shell.errors import InputError
 
@@ -27,12 +27,21 @@ RELATIVE_FLOOR = 1e-9
 
 
 class TrainingMap(NamedTuple):
-    """A map with labels."""
+    """A map with labels; one for each tolerance at which there are any."""
 
     features: PatchFeatures
-    label: NDArray[np.uint8]  # (m,) `PLAUSIBLE`, `SUSPICIOUS` or `UNLABELLED`
-    # (m,) part of the map that a patch is in, numbered from 0: cross-validation keeps regions whole
+    label: NDArray[np.uint8]  # (m,) `PLAUSIBLE`, `SUSPICIOUS` or `UNLABELLED`, at its tolerance
+    # (m,) part of the map that a patch is in, numbered from 0 over all maps: cross-validation keeps regions whole
     region: NDArray[np.int64]
+    tolerance: float = LABEL_TOLERANCE  # metres
+    # (m,) patches so close below the tolerance that points alone do not tell; None: none
+    between: NDArray[np.bool_] | None = None
+
+    def of_points_alone(self) -> TrainingMap:
+        """Return the map without the labels that points alone do not tell."""
+        if self.between is None:
+            return self
+        return self._replace(label=np.where(self.between, np.uint8(UNLABELLED), self.label))
 
 
 class Strength(NamedTuple):

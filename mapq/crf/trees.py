@@ -1,7 +1,9 @@
-"""Potentials of patches by boosted trees: evidence for an error, of all that is measured on a patch and its pairs.
+"""Potentials of patches by boosted trees: evidence that a surface is farther apart than the tolerance.
 
-Pairs are evidence for each of their patches through the pair that is in the worst conflict. The trees' log-odds are one
-more node feature, `EVIDENCE`, which the random field weighs against the labels of neighbours.
+Of all that is measured on a patch and its pairs, in metres and in tolerances: one model serves every tolerance, and no
+column makes an error more likely at a larger one. Pairs are evidence for each of their patches through the pair that is
+in the worst conflict. The trees' log-odds are one more node feature, `EVIDENCE`, which the random field weighs against
+the labels of neighbours.
 
 scikit-learn grows them, this package evaluates them.
 """
@@ -15,18 +17,37 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapq.features import copies
-from mapq.features.context import NODE_COLUMNS
+from mapq.features.context import DISAGREEMENT, NODE_COLUMNS
 from mapq.features.table import PatchFeatures
 from mapq.kernels.boosted_trees import LEAF, Trees, contributions
+from mapq.labels import LABEL_TOLERANCE
 from mapq.model import EVIDENCE, NOBODY, Columns, Potential
 
 OVER, ACROSS = "worst_overlap", "worst_crossing"
 SHARES = ("partly_covered", "unlike_height", "facing_away")
 """Of the pair with the largest weighted overlap, in times this, which they contain."""
-LEFT_OUT = ("tilt",)
-"""Node features that are not evidence of an error: of walls of other places something else would be learnt."""
+LEFT_OUT = ("tilt", *DISAGREEMENT)
+"""Node features that trees do not see: of walls of other places something else would be learnt from their tilt, and
+what scans disagree by they see in tolerances."""
+TOLERANCE, SURELY = "tolerance", "disagreement_beyond"
+"""Metres, and by how many standard errors the measured disagreement is larger; at most `MOST_SURE`."""
+LOW_RATIO = "low_ratio"
+IN_TOLERANCES = {
+    "disagreement_ratio": "disagreement",
+    LOW_RATIO: "disagreement_low",
+    "high_ratio": "disagreement_high",
+    "copy_ratio": "copy_offset",
+    "shift_ratio": "shift_length",
+}
+"""Columns in tolerances to those in metres."""
+OFFSET_RATIO = "over_offset_ratio"
+"""Distance in tolerances of the patch of the worst overlap."""
+MOST_SURE = 10.0
+DECISIVE = 6.0
+"""Nats of evidence at least, where the lower bound of what scans disagree by is above the tolerance."""
 RISING = {
-    **dict.fromkeys(("disagreement", "disagreement_low", "disagreement_high"), 1),
+    TOLERANCE: -1,
+    **dict.fromkeys((SURELY, OFFSET_RATIO, *IN_TOLERANCES), 1),
     **dict.fromkeys(("fit", "thickness"), -1),
     **dict.fromkeys((OVER, ACROSS, "sum_of_conflicts"), 1),
     "over_facing_away": -1,
@@ -34,7 +55,7 @@ RISING = {
 }
 """Columns of which a larger value makes an error only more likely, 1, or less, -1; the others may do either."""
 
-OF_SCANS = (*NODE_COLUMNS["moments"], "over_facing_away")
+OF_SCANS = (SURELY, "disagreement_ratio", LOW_RATIO, "high_ratio", *NODE_COLUMNS["moments"], "over_facing_away")
 """Columns that are not known where it is not known when and from where a map was seen."""
 
 Floats = NDArray[np.float64]
@@ -46,11 +67,22 @@ def without_scans(columns: Columns) -> Columns:
     return columns._replace(values=np.where(np.isin(columns.names, OF_SCANS), np.nan, columns.values))
 
 
-def with_evidence(features: PatchFeatures, potential: Potential | None) -> PatchFeatures:
+def with_evidence(
+    features: PatchFeatures, potential: Potential | None, tolerance: float = LABEL_TOLERANCE
+) -> PatchFeatures:
     """Return the features with the log-odds of the trees as one more node feature; as they are without trees."""
     if potential is None:
         return features
-    return add_evidence(features, potential.log_odds(columns_of(features)))
+    return add_evidence(features, evidence_of(columns_of(features, tolerance), potential))
+
+
+def evidence_of(columns: Columns, potential: Potential) -> Floats:
+    """Return the log-odds (m,) of the trees, and at least `DECISIVE` where scans are surely farther apart."""
+    evidence = potential.log_odds(columns)
+    if LOW_RATIO not in potential.names:
+        return evidence
+    low = columns.values[:, columns.names.index(LOW_RATIO)]
+    return np.where(low > 1.0, np.maximum(evidence, DECISIVE), evidence)
 
 
 def add_evidence(features: PatchFeatures, evidence: Floats) -> PatchFeatures:
@@ -59,8 +91,11 @@ def add_evidence(features: PatchFeatures, evidence: Floats) -> PatchFeatures:
     return features._replace(node=node, node_names=(*features.node_names, EVIDENCE))
 
 
-def columns_of(features: PatchFeatures) -> Columns:
-    """Return what trees see of patches: node features, and those of the pairs in the worst conflict."""
+def columns_of(features: PatchFeatures, tolerance: float = LABEL_TOLERANCE) -> Columns:
+    """Return what trees see of patches: node features, and those of the pairs in the worst conflict.
+
+    `tolerance`: metres from which surfaces are wrong.
+    """
     n_patches = len(features.node)
     edge = dict(zip(features.edge_names, features.edge.T, strict=True))
     over, across = edge["weight"] * edge["overlap"], edge["weight"] * edge["crossing"]
@@ -69,6 +104,7 @@ def columns_of(features: PatchFeatures) -> Columns:
         for name, column in zip(features.node_names, features.node.T, strict=True)
         if name not in LEFT_OUT
     ]
+    nodes += in_tolerances(features, tolerance).items()
     names, values = [name for name, _ in nodes], [column for _, column in nodes]
     other = [np.full(n_patches, NOBODY)] * len(names)
     for name, conflict in ((OVER, over), (ACROSS, across)):
@@ -76,6 +112,7 @@ def columns_of(features: PatchFeatures) -> Columns:
         known = pair >= 0
         shown = {name: conflict}
         if name == OVER:
+            shown[OFFSET_RATIO] = edge["offset"] / tolerance
             for each in SHARES:
                 if each in features.context_names:
                     share = edge[each] / np.maximum(over, 1e-9)
@@ -91,6 +128,19 @@ def columns_of(features: PatchFeatures) -> Columns:
     return Columns(
         tuple(names), np.column_stack([*values, total]), np.column_stack([*other, np.full(n_patches, NOBODY)])
     )
+
+
+def in_tolerances(features: PatchFeatures, tolerance: float) -> dict[str, Floats]:
+    """Return the columns (m,) of node features that depend on the tolerance in metres."""
+    found = {TOLERANCE: np.full(len(features.node), tolerance)}
+    for name, metres in IN_TOLERANCES.items():
+        if metres in features.node_names:
+            found[name] = features.node[:, features.node_names.index(metres)] / tolerance
+    low, metres_apart, high = features.disagreement.T
+    if "disagreement_ratio" in found:
+        error = np.maximum((high - low) / (2.0 * 1.96), 1e-6)
+        found[SURELY] = np.clip((metres_apart - tolerance) / error, -MOST_SURE, MOST_SURE)
+    return found
 
 
 def worst_pairs(pairs: NDArray[np.int32], conflict: Floats, n_patches: int) -> tuple[Ints, Ints]:
@@ -127,11 +177,13 @@ def grow(columns: Sequence[Columns], labels: Sequence[Floats], weights: Sequence
     # A column of which nothing is known cannot be binned; without a split it has no effect either.
     x[:, np.isnan(x).all(axis=0)] = 0.0
     weight = np.concatenate([each[mask] for each, mask in zip(weights, known, strict=True)])
+    # A patch has a row for each tolerance.
+    n_tolerances = len(np.unique(x[:, names.index(TOLERANCE)])) if TOLERANCE in names else 1
     booster = HistGradientBoostingClassifier(
         max_iter=N_TREES,
         learning_rate=LEARNING_RATE,
         max_leaf_nodes=N_LEAVES,
-        min_samples_leaf=min(LEAST_ROWS, max(2, len(y) // 20)),
+        min_samples_leaf=min(LEAST_ROWS * n_tolerances, max(2, len(y) // 20)),
         l2_regularization=RIDGE,
         monotonic_cst=[RISING.get(name, 0) for name in names],
         early_stopping=False,
@@ -140,7 +192,8 @@ def grow(columns: Sequence[Columns], labels: Sequence[Floats], weights: Sequence
     # The threads' partial sums would make the last bits depend on their number, and waiting for each other on a busy
     # machine takes longer than the work.
     with threadpool_limits(1):
-        booster.fit(x, y, sample_weight=weight)
+        # Weights that are all alike change nothing, but with any scikit-learn takes six times as long to bin.
+        booster.fit(x, y, sample_weight=None if np.ptp(weight) == 0.0 else weight)
     parts, base = tables_of(booster)
     trees = _trees_of(parts)
     found = Potential(names, trees, base)

@@ -56,6 +56,7 @@ COLUMNS = {
     "copy_cover": 1,
     "copy_even": 1,
     "copy_density": 1,
+    "copy_offset": 0,
     "near_cover": 1,
     "near_even": 1,
     "near_density": 1,
@@ -83,10 +84,10 @@ def copy_columns(nearby: Nearby, shapes: PatchShapes, settings: FeatureSettings)
 
     Of the layer that covers most of a patch, off it by two tolerances to 1.5 m: the share of the patch's cells in which
     it has points (cover), that over the one of as many points strewn at random (even), log of its points per point of
-    the patch (density). `near`: their means over the patches about, weighted by the root of their area. `shift`: of the
-    horizontal motion that moves patches about onto layers best, the covered share (support), its length in metres, how
-    far it moves along the normal of this very patch, in tolerances (along), and support times that, at most 4, over 4
-    (here).
+    the patch (density), and its distance in metres (offset). `near`: means of the first three over the patches about,
+    weighted by the root of their area. `shift`: of the horizontal motion that moves patches about onto layers best, the
+    covered share (support), its length in metres, how far it moves along the normal of this very patch, in tolerances
+    (along), and support times that, at most 4, over 4 (here).
     """
     step = 0.5 * shapes.tolerance(settings)
     half = int(np.ceil(FARTHEST / step))
@@ -94,16 +95,18 @@ def copy_columns(nearby: Nearby, shapes: PatchShapes, settings: FeatureSettings)
         return {name: np.full(len(shapes), np.nan) for name in COLUMNS}
     found = layers_over(nearby, shapes.sheets, shapes.planes, shapes.points, shapes.start, step, 2 * half)
     pairs = _about(shapes)
-    columns = _second_layer(*found, shapes.counts)
+    columns = _second_layer(*found, shapes.counts, step)
     for name in ("cover", "even", "density"):
         columns[f"near_{name}"] = _mean_about(columns[f"copy_{name}"], np.sqrt(shapes.area), *pairs)
     return columns | _shifts(found[0], shapes, step, *pairs)
 
 
-def _second_layer(cover: Floats, count: Floats, n_cells: Floats, n_own: Ints) -> dict[str, Floats]:
+def _second_layer(cover: Floats, count: Floats, n_cells: Floats, n_own: Ints, step: float) -> dict[str, Floats]:
     """Return the measures of the layer that covers most of each patch; of equal ones the one with most points."""
     place = np.arange(cover.shape[1]) - cover.shape[1] // 2
-    best = np.where(np.abs(place) >= 2 * NEAREST, cover + 1e-6 * np.log1p(count), -1.0).argmax(axis=1)
+    # Of layers that are equal on both sides the nearer one, whichever side the normal points to.
+    worth = cover + 1e-6 * np.log1p(count) - 1e-9 * np.abs(place)
+    best = np.where(np.abs(place) >= 2 * NEAREST, worth, -1.0).argmax(axis=1)
     rows = np.arange(len(cover))
     share, points = cover[rows, best], count[rows, best]
     with np.errstate(invalid="ignore"):
@@ -112,6 +115,7 @@ def _second_layer(cover: Floats, count: Floats, n_cells: Floats, n_own: Ints) ->
         "copy_cover": share,
         "copy_even": np.where(points > 0, even, np.nan),
         "copy_density": np.log((points + 1.0) / (n_own + 1.0)),
+        "copy_offset": np.where(points > 0, step * np.abs(place[best]), np.nan),
     }
 
 

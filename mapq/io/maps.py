@@ -16,7 +16,7 @@ from mapq.io.content import Content
 from mapq.io.patches import holds_patches, parse_patches
 from mapq.io.results import RESULT_FIELDS, json_beside, read_result_json
 from mapq.io.tiles import MapFiles, is_result_folder, open_result_folder
-from mapq.labels import NO_PATCH
+from mapq.labels import LABEL_TOLERANCE, NO_PATCH
 from mapq.patches import Patches
 from prf.shell.errors import InputError
 
@@ -66,6 +66,13 @@ class StoredResult(NamedTuple):
                 f"{self.path}: the JSON of this result is not beside it ({self.json}). Run mapq classify again."
             )
         return read_result_json(self.json)
+
+    @property
+    def tolerance(self) -> float:
+        """Metres at which the result is, as its JSON says; without one that of labels."""
+        if not self.json.exists():
+            return LABEL_TOLERANCE
+        return float(self.content()[0].get("tolerance", LABEL_TOLERANCE))
 
     def inside(self, piece: PointCloud, n_patches: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Return which points (k,) of a piece are in patches, and in which of those that the JSON has."""

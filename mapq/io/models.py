@@ -1,4 +1,4 @@
-"""The model file: readable JSON of schema ``mapq.model/3``, docs/results.md lists its keys."""
+"""The model file: readable JSON of schema ``mapq.model/4``, docs/results.md lists its keys."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from prf.shell.cli.files import open_output
 from prf.shell.cli.storage import damaged, dump_object, load_object
 from prf.shell.errors import InputError
 
-SCHEMA = "mapq.model/3"
+SCHEMA = "mapq.model/4"
 DEFAULT = ("models", "default.json")
 """Place in the package of the model that is used where none is named."""
 
@@ -53,6 +53,7 @@ def model_content(model: Model) -> dict[str, Any]:
         "parameters": parameters,
         "calibration": _calibration_content(model.calibration),
         "threshold": model.threshold,
+        "tolerances": list(model.tolerances),
         "operating": {name: column.tolist() for name, column in zip(OPERATING, model.operating.T, strict=True)},
         "x_min": model.x_range[0],
         "x_max": model.x_range[1],
@@ -134,8 +135,11 @@ def _parse(path: Path, content: Mapping[str, Any]) -> Model:
         float(content["threshold"]),
         np.column_stack([_finite(path, content["operating"][name], f"operating.{name}") for name in OPERATING]),
         dict(content["training"]),
+        tuple(_finite(path, content["tolerances"], "tolerances").tolist()),
         None if potential is None else _parse_potential(path, potential),
     )
+    if not model.tolerances or min(model.tolerances) <= 0.0:
+        raise damaged(path, "tolerances must be metres above 0")
     if model.edge_model not in EDGE_MODELS:
         raise damaged(path, f"edge_model is not one of {', '.join(EDGE_MODELS)}")
     return replace(model, weights=_parse_weights(path, content["parameters"], model))

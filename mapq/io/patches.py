@@ -15,7 +15,7 @@ from mapq.io.content import Content, damage_in_one_line
 from mapq.io.fields import Array
 from mapq.io.journal import with_journal
 from mapq.io.npy import ZIP_MAGIC
-from mapq.labels import NO_PATCH, PLAUSIBLE, SUSPICIOUS, UNLABELLED
+from mapq.labels import LABEL_TOLERANCE, NO_PATCH, PLAUSIBLE, SUSPICIOUS, UNLABELLED
 from mapq.patches import Patches
 from prf.shell.cli.files import STREAM, open_output
 from prf.shell.cli.storage import check_schema, damaged, jsonable, take_array
@@ -48,6 +48,8 @@ def write_patches(path: str | os.PathLike[str], patches: Patches) -> None:
         "field_names": _text(list(cloud.fields)),
         **{f"field_{number}": values for number, values in enumerate(cloud.fields.values())},
         **{name: getattr(patches, name) for name in ("patch", "normal", "centroid", "label", "label_source")},
+        "label_tolerance": patches.label_tolerance,
+        **({} if patches.apart is None else {"apart": patches.apart}),
         "parameters": _text(patches.parameters),
         "report": _text(patches.report),
     }
@@ -92,6 +94,8 @@ def parse_stored(data: bytes, path: str | os.PathLike[str]) -> Patches:
             take_array(file, arrays, "label_source", np.uint8, (len(normal),)),
             dict(json.loads(str(arrays["parameters"]))),
             dict(json.loads(str(arrays["report"]))),
+            take_array(file, arrays, "apart", np.float64, (len(normal),)) if "apart" in arrays else None,
+            float(arrays.get("label_tolerance", LABEL_TOLERANCE)),
         )
     _check(file, patches)
     return patches

@@ -193,8 +193,8 @@ def known_disagreement(
 ) -> tuple[Floats, NDArray[np.int64]]:
     """Return how far apart the poses that are used put what is one place under the right poses.
 
-    In metres (n,), by which the scan that disagrees most is off along the normal: 0 where one scan alone saw the
-    surface, nan where it is not known; and how many other scans (n,) are at the surface.
+    In metres (n,): the range of the scans that see the surface, along its normal: 0 where one scan alone saw it, nan
+    where it is not known; and how many other scans (n,) are at the surface.
 
     At an element each scan b puts the place x of the right map at ``used_b inv(right_b) x``. The differences between
     scans are taken along the mean of the normal as the scans turn it: errors of poses, not of the whole frame.
@@ -218,8 +218,8 @@ def known_disagreement(
     place = _put(moved, by, surfaces.place[at]) - surfaces.place[at]
     along = np.einsum("ij,ij->i", place, normal[at])
     # A scan that is alone in an element, or has too few points to count, still agrees with itself.
-    metres = np.maximum(0.0, np.maximum(along - along_low[at], along_high[at] - along))
-    bound = np.linalg.norm(np.maximum(0.0, np.maximum(place - low[at], high[at] - place)), axis=1)
+    metres = np.maximum(along, along_high[at]) - np.minimum(along, along_low[at])
+    bound = np.linalg.norm(np.maximum(place, high[at]) - np.minimum(place, low[at]), axis=1)
     rough = np.where(bound < agree, bound, np.nan)
     n_seen = np.bincount(surfaces.seen_at, minlength=n_elements)[at]
     itself = np.isin(at * len(right) + by, surfaces.seen_at * len(right) + surfaces.seen_by)

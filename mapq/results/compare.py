@@ -51,6 +51,7 @@ class Comparison(NamedTuple):
     """How two maps of one place differ, on their common ground."""
 
     cell: float  # side of the cells in metres
+    tolerance: float  # metres at which both are judged
     n_cells: int  # cells in which both maps have patches
     # (2,) of each map on common ground: m² of patches, the share of it called suspicious, and the share expected to be
     area: Floats
@@ -70,10 +71,15 @@ def compare(first: Judged, second: Judged, cell: float) -> Comparison:
     """Return how the second map differs from the first, cell by cell.
 
     `first` and `second`: in one frame: nothing is aligned. `cell`: side in metres of the cubes that are compared;
-    larger than walls moved between the maps. Raises UsageError unless the cell is a length; InputError if no cell
-    has patches of both.
+    larger than walls moved between the maps. Raises UsageError unless the cell is a length and both are judged at one
+    tolerance; InputError if no cell has patches of both.
     """
     check_cell(cell)
+    if first.tolerance != second.tolerance:
+        raise UsageError(
+            f"{first.source} is judged at {first.tolerance:g} m and {second.source} at {second.tolerance:g} m. "
+            f"Judge both at one: --tolerance {max(first.tolerance, second.tolerance):.3g}"
+        )
     keys, of_point = np.unique(
         np.floor(np.vstack([first.xyz, second.xyz]) / cell).astype(np.int64), axis=0, return_inverse=True
     )
@@ -93,6 +99,7 @@ def compare(first: Judged, second: Judged, cell: float) -> Comparison:
     value = float(measure[1] - measure[0])
     return Comparison(
         cell=cell,
+        tolerance=first.tolerance,
         n_cells=len(common),
         area=total,
         suspicious=suspicious.sum(axis=1) / total,
@@ -181,6 +188,7 @@ def comparison_content(found: Comparison) -> dict[str, Any]:
     first, second = (dict(zip(names, map(float, row), strict=True)) for row in zip(*columns, strict=True))
     return {
         "cell_m": found.cell,
+        "tolerance_m": found.tolerance,
         "n_cells": found.n_cells,
         "first": first,
         "second": second,

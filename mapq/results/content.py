@@ -36,6 +36,7 @@ def head_of(result: Result, process: Mapping[str, Any], verdict: Mapping[str, An
         ],
         "edge_model": result.model.edge_model,
         "calibration": result.model.calibration.kind,
+        "tolerance": result.tolerance,
         "threshold": {"difference": result.model.threshold, "p_suspicious": cut_probability(result.model)},
         "features": {**result.features.parameters, "n_clipped": result.features.n_clipped},
         "segmentation": {"parameters": result.patches.parameters, "report": result.patches.report},
@@ -44,14 +45,38 @@ def head_of(result: Result, process: Mapping[str, Any], verdict: Mapping[str, An
     }
 
 
+def counts_of(result: Result) -> dict[str, Any]:
+    """Return how much of a map is suspicious: patches, points and area, and their shares (nan of nothing)."""
+    counts, bad = result.patches.counts, result.is_suspicious
+    n_points, area = int(counts.sum()), float(result.area.sum())
+    return {
+        "n_patches": len(result.patches),
+        "n_suspicious": int(bad.sum()),
+        "share_of_patches": share_of(float(bad.sum()), len(result.patches)),
+        "n_points": len(result.patches.cloud),
+        "n_points_in_patches": n_points,
+        "n_points_suspicious": int(counts[bad].sum()),
+        "coverage": result.coverage,
+        "share_of_points": share_of(float(counts[bad].sum()), n_points),
+        "area_m2": area,
+        "area_suspicious_m2": float(result.area[bad].sum()),
+        "share_of_area": share_of(float(result.area[bad].sum()), area),
+        "expected_share_of_area": share_of(float(result.area @ result.labelling.probability), area),
+    }
+
+
+def share_of(part: float, whole: float) -> float:
+    """Return a share; nan of nothing."""
+    return part / whole if whole else float("nan")
+
+
 def pose_rows(found: CheckedPoses) -> dict[str, Any]:
     """Return for JSON which scans and edges are wrong, worst first, and the drift of the poses."""
     edges = [{"from": edge.ids[0], "to": edge.ids[1], **edge._asdict()} for edge in found.edges]
+    hidden = ("ids", "row", "scans")
     return {
         "scans": [_short(scan._asdict()) for scan in found.scans],
-        "edges": [
-            _short({name: value for name, value in edge.items() if name not in ("ids", "row")}) for edge in edges
-        ],
+        "edges": [_short({name: value for name, value in edge.items() if name not in hidden}) for edge in edges],
         "drift": None if found.drift is None else _short(found.drift._asdict()),
     }
 

@@ -18,6 +18,7 @@ from mapq.io.results import RESULT_FIELDS
 from mapq.labels import NO_PATCH, PLAUSIBLE, SUSPICIOUS, UNLABELLED, majority_labels, majority_of, truth_values, votes
 from mapq.model import Model
 from mapq.patches import Patches
+from mapq.results.verdict import tolerance_of
 from prf.shell.errors import InputError, UsageError
 
 TRUTH_FIELD = "truth"
@@ -125,44 +126,52 @@ def area_under_curve(p: NDArray[np.float64], true: NDArray[np.bool_]) -> float:
     return _ratio(float(ranks[true].sum()) - 0.5 * n_true * (n_true + 1), n_pairs)
 
 
-def read_labelled(path: str, model: Model | None, truth_field: str | None) -> Labelled:
+def read_labelled(path: str, model: Model | None, truth_field: str | None, tolerance: float | None = None) -> Labelled:
     """Return the inferred and true labels of the patches of a RESULT or PATCHES file.
 
     A result carries its labels; PATCHES are classified with `model` (None: the one that ships with the package). The
     truth of a patch is that of most of its points in `truth_field`; without one it is the labels stored in PATCHES,
-    else point field `TRUTH_FIELD`. Raises InputError if the file is neither, or there is no truth; UsageError if a
-    model is given for a result.
+    else point field `TRUTH_FIELD`. Where the truth is metres apart, suspicious is more than the tolerance.
+    `tolerance`: metres, of PATCHES; a result has its own. Raises InputError if the file is neither, or there is no
+    truth; UsageError if a model or a tolerance is given for a result.
     """
     found = read_map(path)
     if isinstance(found, Patches):
-        return _classified(found, path, model, truth_field)
+        return _classified(found, path, model, truth_field, tolerance)
     if isinstance(found, PointCloud):
         missing = next(field for field in RESULT_FIELDS if field not in found.fields)
         raise InputError(f"{path}: neither PATCHES nor a result: no point field {missing}. Run mapq classify on it.")
-    if model is not None:
+    if model is not None or tolerance is not None:
         raise UsageError(
-            f"{path} is not a PATCHES file, so it has labels of a model already. Leave out --model "
+            f"{path} is not a PATCHES file, so it has labels of a model already. Leave out --model, --tolerance "
             "and --max-false-alarms."
         )
     return _stored(found, truth_field)
 
 
-def _classified(patches: Patches, path: str, model: Model | None, truth_field: str | None) -> Labelled:
+def _classified(
+    patches: Patches, path: str, model: Model | None, truth_field: str | None, tolerance: float | None
+) -> Labelled:
     """Return what a model infers about patches, and their truth."""
+    model = model or read_default_model()
+    features = patch_features(patches, feature_settings(model))
+    used = tolerance_of(features, model, tolerance)
     truth, truth_from = patches.label, "labels of the patches"
+    if patches.apart is not None:
+        truth = patches.label_at(used)
     if truth_field is not None or not np.isin(truth, (PLAUSIBLE, SUSPICIOUS)).any():
         name = _truth_field(path, truth_field, tuple(patches.cloud.fields))
-        values = truth_values(patches.cloud.fields, name, patches.patch, path)
+        values = truth_values(patches.cloud.fields, name, patches.patch, path, used)
         truth, truth_from = majority_labels(patches.patch, len(patches), values)[0], f"point field {name}"
-    model = model or read_default_model()
-    found = classify(patch_features(patches, feature_settings(model)), model)
+    found = classify(features, model, used)
     return Labelled(found.label, truth, found.probability, truth_from)
 
 
 def _stored(result: StoredResult, truth_field: str | None) -> Labelled:
     """Return the labels of the patches that have points in a result; the votes of its pieces are added up."""
     name = _truth_field(result.path, truth_field, result.fields)
-    parts = [_piece(cloud, result.path, name) for cloud in result.pieces(name)]
+    tolerance = result.tolerance
+    parts = [_piece(cloud, result.path, name, tolerance) for cloud in result.pieces(name)]
     number, label, probability, counts = (np.concatenate(columns) for columns in zip(*parts, strict=True))
     numbers, first, place = np.unique(number, return_index=True, return_inverse=True)
     sums = np.column_stack([np.bincount(place, column, len(numbers)) for column in counts.T])
@@ -170,7 +179,7 @@ def _stored(result: StoredResult, truth_field: str | None) -> Labelled:
     return Labelled(label[first].astype(np.uint8), truth, probability[first].astype(np.float64), f"point field {name}")
 
 
-def _piece(cloud: PointCloud, path: str, name: str) -> tuple[NDArray[Any], ...]:
+def _piece(cloud: PointCloud, path: str, name: str, tolerance: float) -> tuple[NDArray[Any], ...]:
     """Return numbers (k,), labels and probabilities of the patches of a piece, and their votes (k, 3) for the truth."""
     number, label, probability = (np.asarray(cloud.fields[field]) for field in RESULT_FIELDS)
     inside = number != NO_PATCH
@@ -180,7 +189,8 @@ def _piece(cloud: PointCloud, path: str, name: str) -> tuple[NDArray[Any], ...]:
         raise InputError(f"{path}: expected labels of mapq classify. Run it again.")
     patch = np.full(len(cloud), NO_PATCH, np.int32)
     patch[inside] = of_point
-    return numbers, label, probability, votes(patch, len(numbers), truth_values(cloud.fields, name, patch, path))
+    values = truth_values(cloud.fields, name, patch, path, tolerance)
+    return numbers, label, probability, votes(patch, len(numbers), values)
 
 
 def _truth_field(path: str, name: str | None, fields: tuple[str, ...]) -> str:

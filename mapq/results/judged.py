@@ -35,22 +35,32 @@ class Judged(NamedTuple):
     disagreement: Floats  # (n,) metres by which scans disagree on each point's patch; nan where that is not known
     error: Floats  # (n,) its standard error
     coverage: float  # share of the points on planes of any tilt that are in patches; nan where that is not known
+    tolerance: float  # metres at which it is judged
     source: str
 
 
-def read_judged(path: str, model: Model | None, cell: float = 1.0, options: ReadOptions = AS_IT_IS) -> Judged:
+def read_judged(
+    path: str,
+    model: Model | None,
+    cell: float = 1.0,
+    options: ReadOptions = AS_IT_IS,
+    tolerance: float | None = None,
+) -> Judged:
     """Return what is inferred about the map in a RESULT, or what `model` infers about PATCHES or a cloud.
 
     Of a result all points of a patch in one cube of `cell` metres count as one. Raises UsageError if a model is given
-    for a result, which has labels already.
+    for a result, which has labels already, or a tolerance that is not its own.
     """
     is_segmented = path != STREAM and is_patches(path)  # options may be for the other map
     found = read_map(path, AS_IT_IS if is_segmented else options)
     if not isinstance(found, StoredResult):
-        return judge(assess(found if isinstance(found, Patches) else segment(found), model), path)
+        return judge(assess(found if isinstance(found, Patches) else segment(found), model, tolerance=tolerance), path)
     if model is not None:
         raise UsageError(f"{path} has labels of a model already. Leave out --model.")
+    if tolerance not in (None, found.tolerance):
+        raise UsageError(f"{path} was judged at {found.tolerance:g} m. Leave out --tolerance, or classify it anew.")
     coverage, is_suspicious, columns = _columns(found)
+    whole = coverage, found.tolerance, path
     places, patches, counts = [], [], []
     for piece in found.pieces():
         rows, patch = found.inside(piece, len(is_suspicious))
@@ -60,7 +70,7 @@ def read_judged(path: str, model: Model | None, cell: float = 1.0, options: Read
         patches.append(keys[:, 0].astype(np.int64))
         counts.append(n)
     of = np.concatenate(patches)
-    return _judged(np.concatenate(places), np.concatenate(counts), of, is_suspicious, columns, coverage, path)
+    return _judged(np.concatenate(places), np.concatenate(counts), of, is_suspicious, columns, whole)
 
 
 def judge(result: Result, source: str) -> Judged:
@@ -71,7 +81,8 @@ def judge(result: Result, source: str) -> Judged:
     n_points = np.bincount(patch, minlength=len(patches))
     columns = np.array([result.area, n_points, result.probability, *result.features.disagreement.T])
     xyz = cloud.metric_of(cloud.xyz[inside])
-    return _judged(xyz, np.ones(len(xyz)), patch, result.is_suspicious, columns, result.coverage, source)
+    whole = result.coverage, result.tolerance, source
+    return _judged(xyz, np.ones(len(xyz)), patch, result.is_suspicious, columns, whole)
 
 
 def _judged(
@@ -80,14 +91,16 @@ def _judged(
     patch: NDArray[np.integer],
     is_suspicious: NDArray[np.bool_],
     columns: Floats,
-    coverage: float,
-    source: str,
+    whole: tuple[float, float, str],
 ) -> Judged:
-    """Return what `COLUMNS` (6, m) of patches are at places (n, 3) that represent this many points (n,)."""
-    area, whole, probability, low, metres, high = columns
+    """Return what `COLUMNS` (6, m) of patches are at places (n, 3) that represent this many points (n,).
+
+    `whole`: coverage, tolerance and source of the map.
+    """
+    area, size, probability, low, metres, high = columns
     error = (high - low) / (2.0 * 1.96)  # the bounds hold it in 95 of 100
-    areas = n_points * (area / np.maximum(whole, 1.0))[patch]
-    return Judged(xyz, areas, is_suspicious[patch], probability[patch], metres[patch], error[patch], coverage, source)
+    areas = n_points * (area / np.maximum(size, 1.0))[patch]
+    return Judged(xyz, areas, is_suspicious[patch], probability[patch], metres[patch], error[patch], *whole)
 
 
 def _columns(stored: StoredResult) -> tuple[float, NDArray[np.bool_], Floats]:

@@ -12,6 +12,7 @@ from scipy.sparse.csgraph import connected_components
 
 from mapq.crf import Terms
 from mapq.crf.explain import BASE, NEIGHBOUR_LABEL, NO_OTHER
+from mapq.crf.trees import LOW_RATIO, SURELY, TOLERANCE
 from mapq.features.context import DISAGREEMENT
 from mapq.features.table import PatchFeatures
 from mapq.patches import Patches
@@ -30,9 +31,10 @@ CONFLICTS = "sum_of_conflicts"
 
 GROUPS = {
     **dict.fromkeys((*DISAGREEMENT, "n_scans", "seen_by_several"), "disagreement"),
-    **dict.fromkeys(("copy_cover", "copy_even", "copy_density"), "copy_cover"),
+    **dict.fromkeys((SURELY, "disagreement_ratio", LOW_RATIO, "high_ratio"), "disagreement"),
+    **dict.fromkeys(("copy_cover", "copy_even", "copy_density", "copy_offset", "copy_ratio"), "copy_cover"),
     **dict.fromkeys(("near_cover", "near_even", "near_density"), "near_cover"),
-    **dict.fromkeys(("shift_support", "shift_here", "shift_along", "shift_length"), "shift_support"),
+    **dict.fromkeys(("shift_support", "shift_here", "shift_along", "shift_length", "shift_ratio"), "shift_support"),
 }
 """Node features that are one reason, to the one it is named by."""
 AGREE = 0.05
@@ -97,7 +99,7 @@ class Reasons:
                 pairs[other] = pairs.get(other, 0.0) + gain
             elif name in GROUPS:
                 groups[GROUPS[name]] = groups.get(GROUPS[name], 0.0) + gain
-            elif name != BASE:
+            elif name not in (BASE, TOLERANCE):
                 yield self._of_node(patch, name, value, gain)
         for name, gain in groups.items():
             yield self._of_group(patch, name, gain)
@@ -115,7 +117,7 @@ class Reasons:
 
     def _of_group(self, patch: int, group: str, gain: float) -> Reason:
         values = dict(zip(self._features.node_names, self._features.node[patch].tolist(), strict=True))
-        measures = {name: values[name] for name, of in GROUPS.items() if of == group and np.isfinite(values[name])}
+        measures = {name: value for name, value in values.items() if GROUPS.get(name) == group and np.isfinite(value)}
         return Reason(group_words(group, values), gain, None, measures)
 
     def _of_pair(self, patch: int, other: int, gain: float) -> Reason:
@@ -130,7 +132,7 @@ def group_words(group: str, values: dict[str, float]) -> str:
     """Return the reason that several node features of a patch give together, given all of its node features by name."""
     if group == "disagreement":
         if not np.isfinite(values["disagreement"]):
-            return "no two scans are known to have seen it"
+            return "one scan alone saw it" if values["n_scans"] == 1.0 else "no two scans are known to have seen it"
         if values["disagreement"] <= AGREE:
             return f"{values['n_scans']:.0f} scans that see it agree within {AGREE} m"
         low, metres, high = (values[name] for name in ("disagreement_low", "disagreement", "disagreement_high"))

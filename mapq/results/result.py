@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -28,9 +28,10 @@ from mapq.posed.check_poses import CheckedPoses
 from mapq.report.findings import findings_of
 from mapq.report.page import write_report
 from mapq.results.causes import CAUSES, Cause, find_causes
-from mapq.results.content import cause_row, head_of, patch_rows, rounded
+from mapq.results.content import counts_of, head_of, patch_rows, rounded, share_of
 from mapq.results.evaluate import Scores, score_labels
 from mapq.results.reasons import Reason, Reasons, Region, find_regions, weighted_median
+from mapq.results.verdict import MIN_COVERAGE, resolution_of, tolerance_of, verdict_of
 from mapq.results.visits import Visits, visits_of
 from prf.shell.cli.console import Report
 from prf.shell.cli.outputs import refuse_existing
@@ -46,8 +47,6 @@ AREA = "area_m2"
 
 N_REASONS = 3
 """Reasons of each patch in the JSON of a result."""
-MIN_COVERAGE = 0.2
-"""Share of the points on planes that a map needs in judged patches to pass, unless another is given."""
 N_LISTED = 5
 """Regions that the card in a notebook lists."""
 
@@ -79,6 +78,8 @@ class Result:
     labelling : Labelling
     terms : Terms
         Why each patch has its label.
+    tolerance : float
+        Metres: suspicious is what is farther apart along its normal.
     origin : Origin
     seen : Seen or None
         None: found from the points.
@@ -91,6 +92,7 @@ class Result:
     model: Model
     labelling: Labelling
     terms: Terms
+    tolerance: float
     origin: Origin = field(default_factory=Origin)
     seen: Seen | None = None
     poses: CheckedPoses = field(default_factory=CheckedPoses)
@@ -181,22 +183,7 @@ class Result:
 
         The expected share is the mean of p_suspicious over the area: what is wrong if p is right.
         """
-        counts, bad = self.patches.counts, self.is_suspicious
-        n_points, area = int(counts.sum()), float(self.area.sum())
-        return {
-            "n_patches": len(self.patches),
-            "n_suspicious": int(bad.sum()),
-            "share_of_patches": _share(float(bad.sum()), len(self.patches)),
-            "n_points": len(self.patches.cloud),
-            "n_points_in_patches": n_points,
-            "n_points_suspicious": int(counts[bad].sum()),
-            "coverage": self.coverage,
-            "share_of_points": _share(float(counts[bad].sum()), n_points),
-            "area_m2": area,
-            "area_suspicious_m2": float(self.area[bad].sum()),
-            "share_of_area": _share(float(self.area[bad].sum()), area),
-            "expected_share_of_area": _share(float(self.area @ self.labelling.probability), area),
-        }
+        return counts_of(self)
 
     def worst(self, n_most: int) -> list[int]:
         """Return the suspicious patches that are most surely so, at most `n_most`, larger ones first among equals."""
@@ -223,14 +210,14 @@ class Result:
         """Return what made each suspicious patch so, as far as it is known, by its number."""
         if self.seen is not None and self.seen.visits is not None:
             return self.seen.causes
-        return find_causes(self.patches, self.features, self.is_suspicious, self.visits)
+        return find_causes(self.patches, self.features, self.is_suspicious, self.visits, self.poses)
 
     @property
     def disagreement(self) -> float:
         """Metres by which scans disagree: mean over the area of patches where it is known, nan of none."""
         metres = self.features.disagreement[:, 1]
         weight = np.where(np.isfinite(metres) & np.isfinite(self.area), self.area, 0.0)
-        return _share(float(np.nan_to_num(metres) @ weight), float(weight.sum()))
+        return share_of(float(np.nan_to_num(metres) @ weight), float(weight.sum()))
 
     @property
     def scans_apart(self) -> float:
@@ -260,45 +247,41 @@ class Result:
     def _reasons(self) -> Reasons:
         return Reasons(self.features, self.terms)
 
-    def verdict(self, fail_over: float | None = None, min_coverage: float = MIN_COVERAGE) -> dict[str, Any]:
+    @property
+    def resolution(self) -> float:
+        """Metres that scans resolve: median half width of the bounds of what they disagree by; nan unknown."""
+        return resolution_of(self.features)
+
+    def verdict(
+        self, fail_over: float | None = None, min_coverage: float = MIN_COVERAGE, fail_apart: float | None = None
+    ) -> dict[str, Any]:
         """Return whether the map passes: enough of it judged, and little of that suspicious.
+
+        A map without a patch never passes. Without `fail_over` and `fail_apart` "passed" is None.
 
         Parameters
         ----------
         fail_over : float, optional
-            Largest share of the area that may be suspicious, such as 0.05; without one "passed" is None.
+            Largest share of the area that may be suspicious, such as 0.05.
         min_coverage : float
-            Share of the points on planes of any tilt that must be in judged patches, where that is known. A map
-            without a patch never passes.
+            Share of the points on planes of any tilt that must be in judged patches, where that is known.
+        fail_apart : float, optional
+            Metres by which scans may disagree in the median; a map whose scans are not known does not pass.
 
         Raises
         ------
         ArgumentError
-            If one is not between 0 and 1.
+            If a limit is not a share, or not a length.
         """
-        for name, limit in (("fail_over", fail_over), ("min_coverage", min_coverage)):
-            if limit is not None and not 0.0 <= limit <= 1.0:
-                raise ArgumentError(f"{name} {limit}: must be a share between 0 and 1, such as 0.05.")
-        share, coverage = self.counts["share_of_area"], self.coverage
-        is_good = bool(len(self.patches)) and not share > (fail_over or 0.0) and not coverage < min_coverage
-        return {
-            "share_of_area": share,
-            "coverage": coverage,
-            "fail_over": fail_over,
-            "min_coverage": min_coverage,
-            "passed": None if fail_over is None else is_good,
-            **cause_row(self),
-            "disagreement_m": self.disagreement,
-            "scans_apart_m": self.scans_apart,
-        }
+        return verdict_of(self, fail_over, min_coverage, fail_apart)
 
     @cached_property
     def _process(self) -> Mapping[str, Any]:
         return describe_process(self.origin.files)
 
-    def head(self, fail_over: float | None = None, min_coverage: float = MIN_COVERAGE) -> dict[str, Any]:
-        """Return the JSON of a result without its patches (docs/results.md)."""
-        return head_of(self, self._process, self.verdict(fail_over, min_coverage))
+    def head(self, **limits: Any) -> dict[str, Any]:
+        """Return the JSON of a result without its patches (docs/results.md); `limits` as :meth:`verdict`."""
+        return head_of(self, self._process, self.verdict(**limits))
 
     def patch_rows(self) -> Iterator[dict[str, Any]]:
         """Yield each patch with its label, its probability, its geometry in metres, and its terms."""
@@ -307,19 +290,16 @@ class Result:
     def evaluate(self, truth: ArrayLike | str = "truth") -> Scores:
         """Return how well the labels agree with the truth.
 
-        `truth` (m,): 1 suspicious, 0 plausible, 255 unknown; or the name of a point field whose majority counts.
+        `truth` (m,): 1 suspicious, 0 plausible, 255 unknown; or the name of a point field whose majority counts, of
+        metres apart at the tolerance.
         """
-        return score_labels(self.label, self.patches.labelled(truth).label, self.probability)
+        known = replace(self.patches, label_tolerance=self.tolerance).labelled(truth)
+        return score_labels(self.label, known.label, self.probability)
 
-    def save(
-        self,
-        path: str | os.PathLike[str],
-        *,
-        fail_over: float | None = None,
-        min_coverage: float = MIN_COVERAGE,
-        force: bool = False,
-    ) -> None:
+    def save(self, path: str | os.PathLike[str], *, force: bool = False, **limits: Any) -> None:
         """Write RESULT as mapq classify does: all points (PLY, LAS or LAZ), and a JSON of the same name.
+
+        `limits` as :meth:`verdict`.
 
         Raises
         ------
@@ -329,7 +309,7 @@ class Result:
         target = os.fspath(path)
         for name in (target, json_beside(target)):
             refuse_existing(name, force)
-        write_result(target, self.cloud(), self.head(fail_over, min_coverage), self.patch_rows())
+        write_result(target, self.cloud(), self.head(**limits), self.patch_rows())
 
     def report(
         self,
@@ -382,18 +362,22 @@ class Result:
 
 
 def assess(
-    patches: Patches, model: Model | None = None, progress: Report | None = None, origin: Origin | None = None
+    patches: Patches,
+    model: Model | None = None,
+    progress: Report | None = None,
+    origin: Origin | None = None,
+    tolerance: float | None = None,
 ) -> Result:
     """Return the labels of patches by a model (None: the model that ships with the package).
 
-    Raises InputError if the model asks for features that this release does not have, or there is no default model.
+    `tolerance`: metres; None: chosen for the map (:func:`mapq.results.verdict.tolerance_of`).
+
+    Raises InputError if the model asks for features that this release does not have, or there is no default model;
+    ArgumentError if it did not learn the tolerance.
     """
     model = model or read_default_model()
     features = patch_features(patches, feature_settings(model), progress)
-    labelling = classify(features, model)
-    terms = explain(features, model, labelling.label)
-    return Result(patches, features, model, labelling, terms, origin or Origin())
-
-
-def _share(part: float, whole: float) -> float:
-    return part / whole if whole else float("nan")
+    used = tolerance_of(features, model, tolerance)
+    labelling = classify(features, model, used)
+    terms = explain(features, model, labelling.label, used)
+    return Result(patches, features, model, labelling, terms, used, origin or Origin())

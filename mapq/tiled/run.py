@@ -25,7 +25,8 @@ from mapq.labels import SUSPICIOUS
 from mapq.model import Model
 from mapq.patches import Patches, PatchesOnDisk
 from mapq.results import visits
-from mapq.results.result import MIN_COVERAGE, Origin, Result, Seen
+from mapq.results.result import Origin, Result, Seen
+from mapq.results.verdict import tolerance_of
 from mapq.segmentation import FEWEST_POINTS, warnings_of
 from mapq.segmentation.parameters import Parameters, choose_parameters
 from mapq.segmentation.points import FAR, sort_points
@@ -56,7 +57,7 @@ def classify_map(
     settings: Configuration,
     force: bool,
     origin: Origin | None = None,
-    limits: tuple[float | None, float] = (None, MIN_COVERAGE),
+    limits: Mapping[str, Any] | None = None,
     sources: Mapping[str, str] | None = None,
 ) -> Result:
     """Classify a map tile by tile, and write the result.
@@ -64,8 +65,8 @@ def classify_map(
     `path`: A file, or a folder of LAS or LAZ tiles. `target`: A cloud, beside which the JSON is written; or for a
     folder a folder, with tiles named as in the input. `settings`: those
     of tiles, segment and cloud. `model`: None: the model that ships with the package. `force`:
-    whether an existing result may be replaced. `origin`: inputs that the JSON names. `limits` (float or None, float):
-    of the verdict: fail_over and min_coverage. `sources`: where each setting of the segmentation was given. Raises
+    whether an existing result may be replaced. `origin`: inputs that the JSON names. `limits`: of the verdict, as
+    :meth:`mapq.Result.verdict` takes them. `sources`: where each setting of the segmentation was given. Raises
     InputError, UsageError, ConfigError, OutputError as reading, segmenting, the workers and writing do.
     """
     tiles = settings.tiles
@@ -79,7 +80,7 @@ def classify_map(
         cut = cut_map(files, settings, workers, folder, report)
         result = assess_map(cut, settings, model or read_default_model(), workers, origin or Origin(path), report)
         result = replace(result, patches=_with_sources(result.patches, sources or {}))
-        head = {**result.head(*limits), "tiles": len(cut.tiling.boxes)}
+        head = {**result.head(**(limits or {})), "tiles": len(cut.tiling.boxes)}
         write_map(folder, output, files, result_pieces(cut, result, report), (head, result.patch_rows()))
     return result
 
@@ -266,15 +267,16 @@ def assess_map(
     measuring = Measuring(cut.whole, cut.store, cut.tiling.boxes, features_by, workers, most)
     parts = _reported(report, "measuring", measuring.features(cut.known), len(measuring.groups))
     features = measuring.join(list(parts), up.tolist())
-    labelling = classify(features, model)
+    tolerance = tolerance_of(features, model, settings.crf.tolerance)
+    labelling = classify(features, model, tolerance)
     seen = Seen(None, {})
     if cut.clock is not None and cut.stays:
         stays = visits.join_stays(cut.stays)
         visited = visits.visits_from(cut.clock, stays, np.zeros(0, np.int64), None)
         bad = labelling.label == SUSPICIOUS
         seen = Seen(visited, measuring.causes(features, bad, cut.clock, stays, visited))
-    terms = explain(features, model, labelling.label)
-    return Result(cut.patches, features, model, labelling, terms, origin or Origin(), seen)
+    terms = explain(features, model, labelling.label, tolerance)
+    return Result(cut.patches, features, model, labelling, terms, tolerance, origin or Origin(), seen)
 
 
 def _with_sources(patches: Patches, sources: Mapping[str, str]) -> Patches:

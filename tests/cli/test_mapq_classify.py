@@ -20,7 +20,7 @@ def test_the_result_has_both_files_and_the_contract_s_fields(capsys, tmp_path, m
     path, model = save_patches(tmp_path), save_model(tmp_path)
     code, out, err = call(capsys, "classify", path, "--model", model)
     assert (code, err) == (0, "")
-    assert "is suspicious (" in out
+    assert "is suspicious at 0.30 m (" in out
     assert "16 of 32 patches)" in out
     assert "parallel to patch" in out
     assert "of connected suspicious patches, the worst 3:" in out
@@ -66,6 +66,23 @@ def test_fail_over_fails_after_the_result_is_written(capsys, tmp_path, share, co
     assert ("of the area of patches is suspicious" in err) == (code == 1)
     assert target.exists()
     assert json.loads(target.with_suffix(".json").read_text())["verdict"]["passed"] is (code == 0)
+
+
+def test_fail_apart_fails_where_scans_are_not_known(capsys, tmp_path):
+    target = tmp_path / "r.ply"
+    args = ["classify", save_patches(tmp_path), "--model", save_model(tmp_path), "-o", target, "--fail-apart", 0.1]
+    code, _, err = call(capsys, *args)
+    assert code == 1
+    assert "scans are not known, so nor is how far they disagree" in err
+    assert json.loads(target.with_suffix(".json").read_text())["verdict"]["fail_apart"] == 0.1
+
+
+def test_a_tolerance_that_the_model_did_not_learn_is_an_error_in_one_line(capsys, tmp_path):
+    args = ["classify", save_patches(tmp_path), "--model", save_model(tmp_path), "-o", tmp_path / "r.ply"]
+    code, _, err = call(capsys, *args, "--tolerance", 0.1)
+    assert code == 2
+    assert err.strip().endswith("tolerance 0.1: the model learnt 0.3 m alone. Ask for that, or train on metres apart.")
+    assert not (tmp_path / "r.ply").exists()
 
 
 @pytest.mark.parametrize(("options", "code"), [([], 1), (["--min-coverage", "5%"], 0), (["--min-coverage", "1"], 1)])
@@ -120,7 +137,9 @@ def test_the_table_is_short_and_complete_under_v(capsys, tmp_path):
     args = ["classify", save_patches(tmp_path), "--model", save_model(tmp_path), "-o", tmp_path / "r.ply", "-f"]
     short, full = (call(capsys, *args, *more)[1].splitlines() for more in ([], ["-v"]))
     assert len(short) <= 15 < len(full)
-    assert [line.split()[0] for line in short[-3:]] == ["judged", "verdict", "result"], "the answer is last"
+    assert [line.split()[0] for line in short[-4:]] == ["judged", "tolerance", "verdict", "result"], (
+        "the answer is last"
+    )
 
 
 def test_causes_are_named_where_the_map_has_times(capsys, tmp_path):

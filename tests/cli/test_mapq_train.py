@@ -40,7 +40,7 @@ def test_options_reach_the_model(capsys, tmp_path):
     values = [*(f"features.{each}" for each in features), *(f"crf.{each}" for each in field)]
     options = [word for value in values for word in ("--set", value)]
     result = call_json(capsys, "train", path, "-o", target, *options, "--objective", "pl")
-    assert result["schema"] == "mapq.model/3"
+    assert result["schema"] == "mapq.model/4"
     assert result["output"] == str(target)
     features = result["features"]
     assert [features[key] for key in ("reading", "radius", "tau", "n_neighbours")] == ["literal", 2.5, 0.7, 3]

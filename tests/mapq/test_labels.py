@@ -9,10 +9,10 @@ from mapq.configuration import FeatureSettings, TrainSettings
 from mapq.features.compute import feature_settings
 from mapq.io import write_patches
 from mapq.io.models import read_model, write_model
-from mapq.labels import FROM_FIELD, FROM_HAND, FROM_NOBODY, UNLABELLED, conservative_labels, majority_labels
+from mapq.labels import FROM_FIELD, FROM_HAND, FROM_NOBODY, UNLABELLED, conservative_labels, majority_labels, metres_of
 from mapq.patches import label_from_field
 from mapq.results.result import assess
-from mapq.training import train_maps
+from mapq.training import tolerances_of, train_maps
 from prf.shell.errors import InputError
 from tests.mapq.factories import make_patches
 from tests.mapq.labelled import draw_patches
@@ -70,13 +70,46 @@ def test_labels_by_hand_stay_unless_forced():
     ("values", "message"),
     [
         ([1, 0, 2, 0, 1, 0, 3, 9, 9], r"must be 0, 1 or 255, but is not at 2 points of patches \(e\.g\. 2\)"),
-        ([1, 0, np.nan, 0, 1, 0, 0, 0, 0], r"at 1 points of patches \(e\.g\. nan\)"),
+        ([0.1, 0.2, -0.5, 0, 1, 0, 0, 0, 0], "has metres below 0, such as -0.5"),
         (np.zeros((9, 2)), "has 2 numbers a point"),
     ],
 )
 def test_what_is_no_label_is_refused(values, message):
     with pytest.raises(InputError, match=message):
         label_from_field(patches_with(values), "truth", "f")
+
+
+METRES = [0.2, 0.4, 0.25, np.nan, 0.9, 0.31, np.nan, np.nan, 0.0]
+
+
+def test_metres_apart_are_labels_at_every_tolerance():
+    labelled, _ = label_from_field(patches_with(METRES), "truth", "f")
+    np.testing.assert_allclose(labelled.apart, [0.25, 0.9, 0.31])
+    assert labelled.label.tolist() == [0, 1, 1]
+    assert [labelled.label_at(t).tolist() for t in (0.2, 0.28, 0.5, 1.0)] == [[1, 1, 1], [0, 1, 1], [0, 1, 0], [0] * 3]
+    by_hand = replace(labelled, label=np.array([1, 1, 0], np.uint8), label_source=np.array([2, 2, 1], np.uint8))
+    assert by_hand.label_at(0.5).tolist() == [UNLABELLED, UNLABELLED, 0], "a hand says nothing of other tolerances"
+    assert by_hand.label_at(0.3).tolist() == [1, 1, 1]
+
+
+def test_labels_without_metres_hold_on_one_side_of_their_tolerance():
+    labelled, _ = label_from_field(replace(patches_with(TRUTH), label_tolerance=0.2), "truth", "f")
+    assert labelled.apart is None
+    assert [labelled.label_at(t).tolist() for t in (0.1, 0.2, 0.3)] == [[1, 1, 255], [1, 1, 0], [255, 255, 0]]
+    assert tolerances_of([labelled]) == [0.2]
+    metres, _ = label_from_field(patches_with(METRES), "truth", "f")
+    assert tolerances_of([labelled, metres]) == [0.2, 0.3, 0.5, 0.8]
+
+
+def test_the_median_of_metres_is_that_of_known_points():
+    rng = np.random.default_rng(0)
+    patch = rng.integers(-1, 20, 400).astype(np.int32)
+    metres = np.where(rng.random(400) < 0.45, np.nan, rng.uniform(0.0, 1.0, 400))
+    for number, found in enumerate(metres_of(patch, 22, metres)):
+        own = metres[patch == number]
+        known = np.sort(own[np.isfinite(own)])
+        expected = known[len(known) // 2] if len(known) and 2 * len(known) >= len(own) else np.nan
+        assert found == pytest.approx(expected, nan_ok=True)
 
 
 def test_conservative_labels_are_plausible_only_if_surely_so():

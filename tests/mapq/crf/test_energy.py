@@ -8,10 +8,11 @@ import pytest
 from mapq.crf import classify, explain
 from mapq.crf.energy import label_design, make_field, model_inputs, unary_design
 from mapq.crf.explain import BASE, NEIGHBOUR_LABEL
-from mapq.crf.trees import columns_of
+from mapq.crf.trees import LOW_RATIO, columns_of
 from mapq.features.pairs import EDGE_NAMES
 from mapq.model import EDGE_MODELS, SYMMETRIC
 from prf.shell.errors import InputError
+from tests.mapq.crf.test_trees import draw as scanned
 from tests.reference.mapq_crf import draw_features, draw_model, local_log_odds, slow_score
 from tests.reference.mapq_trees import draw_potential
 
@@ -86,6 +87,26 @@ def test_terms_sum_to_the_log_odds_given_the_neighbours(edge_model, potential, s
         up, down = [*y[:patch], 1, *y[patch + 1 :]], [*y[:patch], -1, *y[patch + 1 :]]
         expected = slow_score(features, model, up) - slow_score(features, model, down)
         assert sums[patch] == pytest.approx(expected, abs=1e-9)
+
+
+def test_terms_of_patches_that_their_bounds_decide_sum_up_too():
+    features = scanned(1)
+    model = draw_model(
+        np.random.default_rng(1), potential=draw_potential(np.random.default_rng(2), columns_of(features).names)
+    )
+    label = np.random.default_rng(3).integers(0, 2, len(features.node)).astype(np.uint8)
+    for tolerance in (0.1, 0.3):
+        decided = features.disagreement[:, 0] > tolerance
+        assert decided.any()
+        terms = explain(features, model, label, tolerance)
+        assert {int(patch) for patch in np.flatnonzero(decided)} <= set(
+            terms.patch[terms.name == terms.names.index(LOW_RATIO)].tolist()
+        )
+        field = make_field(model_inputs(features, model, tolerance), SYMMETRIC, model.weights)
+        y = np.where(label == 1, 1.0, -1.0)
+        expected = 2.0 * field.theta
+        np.add.at(expected, field.pairs, 2.0 * field.coupling[:, None] * y[field.pairs[:, ::-1]])
+        np.testing.assert_allclose(np.bincount(terms.patch, terms.contribution), expected, atol=1e-12)
 
 
 def test_terms_come_largest_first_with_values_in_their_own_unit():

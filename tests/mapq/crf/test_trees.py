@@ -5,7 +5,23 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mapq.crf.trees import LEFT_OUT, OF_SCANS, SHARES, columns_of, with_evidence, without_scans
+from mapq.crf.trees import (
+    DECISIVE,
+    IN_TOLERANCES,
+    LEFT_OUT,
+    LOW_RATIO,
+    MOST_SURE,
+    OF_SCANS,
+    OFFSET_RATIO,
+    SHARES,
+    SURELY,
+    TOLERANCE,
+    columns_of,
+    evidence_of,
+    grow,
+    with_evidence,
+    without_scans,
+)
 from mapq.features.context import EDGE_COLUMNS, NODE_COLUMNS
 from mapq.features.pairs import EDGE_NAMES
 from mapq.features.shape import NODE_NAMES
@@ -15,7 +31,9 @@ from prf.shell.errors import InputError
 from tests.reference.mapq_crf import draw_pairs
 from tests.reference.mapq_trees import draw_potential, slow_log_odds
 
-NODE = (*NODE_NAMES, *NODE_COLUMNS["moments"])
+NODE = (*NODE_NAMES, *NODE_COLUMNS["moments"], *NODE_COLUMNS["copies"])
+T = 0.2
+"""Metres: the tolerance of these tests."""
 CONTEXT = (*EDGE_COLUMNS["outlines"], *EDGE_COLUMNS["rays"])
 
 
@@ -28,6 +46,10 @@ def draw(seed: int, n_patches: int = 12, n_pairs: int = 25) -> PatchFeatures:
     edge[:, 1] = rng.choice([0.5, 1.0], len(pairs))
     context = rng.uniform(-1.0, 1.0, (len(pairs), len(CONTEXT))) * (edge[:, 1] * edge[:, 2])[:, None]
     node = rng.normal(size=(n_patches, len(NODE)))
+    low, metres = NODE.index("disagreement_low"), NODE.index("disagreement")
+    node[:, low] = rng.uniform(0.0, 0.4, n_patches)
+    node[:, metres] = node[:, low] + rng.uniform(0.0, 0.1, n_patches)
+    node[:, NODE.index("disagreement_high")] = node[:, metres] + rng.uniform(0.0, 0.1, n_patches)
     x, names = rng.uniform(-1.0, 1.0, len(pairs)), (*EDGE_NAMES, *CONTEXT)
     return PatchFeatures("safe", node, pairs, np.hstack([edge, context]), x, NODE, names, 0, context_names=CONTEXT)
 
@@ -37,6 +59,10 @@ def slow_columns(features: PatchFeatures, patch: int) -> dict[str, tuple[float, 
     rows = [dict(zip(features.edge_names, row, strict=True)) for row in features.edge.tolist()]
     values = dict(zip(NODE, features.node[patch].tolist(), strict=True))
     found = {name: (value, NOBODY) for name, value in values.items() if name not in LEFT_OUT}
+    found |= {name: (values[metres] / T, NOBODY) for name, metres in IN_TOLERANCES.items()} | {TOLERANCE: (T, NOBODY)}
+    error = max((values["disagreement_high"] - values["disagreement_low"]) / 3.92, 1e-6)
+    beyond = (values["disagreement"] - T) / error
+    found[SURELY] = (min(max(beyond, -MOST_SURE), MOST_SURE), NOBODY)
     mine = [
         (rows[k], i + j - patch) for k, (i, j) in enumerate(features.pairs.tolist()) if patch in (i, j)
     ]  # the other patch of (i, j)
@@ -49,6 +75,7 @@ def slow_columns(features: PatchFeatures, patch: int) -> dict[str, tuple[float, 
             found[name] = row["weight"] * row[part], other
         if part == "crossing":
             continue
+        found[OFFSET_RATIO] = (np.nan if row is None else row["offset"] / T, other)
         for each in SHARES:
             share = np.nan if row is None else row[each] / found[name][0]
             found[f"over_{each}"] = (share, other)
@@ -59,7 +86,7 @@ def slow_columns(features: PatchFeatures, patch: int) -> dict[str, tuple[float, 
 @pytest.mark.parametrize("seed", range(4))
 def test_columns_are_those_of_the_pair_in_the_worst_conflict(seed):
     features = draw(seed)
-    columns = columns_of(features)
+    columns = columns_of(features, T)
     assert len(set(columns.names)) == len(columns.names)
     for patch in range(len(features.node)):
         expected = slow_columns(features, patch)
@@ -108,7 +135,9 @@ def test_maps_without_pairs(n_patches, n_pairs):
 def test_without_scans_columns_are_as_a_map_of_points_alone_has_them():
     features = draw(3)
     columns = without_scans(columns_of(features))
-    assert set(OF_SCANS) == {*NODE_COLUMNS["moments"], *(f"over_{name}" for name in EDGE_COLUMNS["rays"])}
+    in_tolerances = {SURELY, "disagreement_ratio", "low_ratio", "high_ratio"}
+    rays = {f"over_{name}" for name in EDGE_COLUMNS["rays"]}
+    assert set(OF_SCANS) == {*NODE_COLUMNS["moments"], *rays, *in_tolerances}
     plain = features._replace(node=features.node.copy(), edge=features.edge.copy())
     plain.node[:, [NODE.index(name) for name in NODE_COLUMNS["moments"]]] = np.nan
     plain.edge[:, features.edge_names.index("facing_away")] = 0.0
@@ -121,11 +150,47 @@ def test_evidence_is_one_more_node_feature():
     features = draw(4)
     columns = columns_of(features)
     assert with_evidence(features, None) is features
-    potential = draw_potential(np.random.default_rng(1), columns.names[::-2])
+    names = tuple(name for name in columns.names[::-2] if name != LOW_RATIO)
+    potential = draw_potential(np.random.default_rng(1), names)
     found = with_evidence(features, potential)
     assert found.node_names == (*NODE, EVIDENCE)
     np.testing.assert_array_equal(found.node[:, :-1], features.node)
     np.testing.assert_allclose(found.node[:, -1], slow_log_odds(potential, columns), atol=1e-12)
+
+
+def grown(seed: int = 0):
+    """Return trees of maps in which the measured disagreement tells, and copies do, at several tolerances."""
+    maps = [(draw(10 * seed + number, 60, 90), tolerance) for number in range(8) for tolerance in (0.1, 0.2, 0.3)]
+    labels = [np.where(each.disagreement[:, 1] > tolerance, 1.0, -1.0) for each, tolerance in maps]
+    return grow([columns_of(*each) for each in maps], labels, [np.ones(60)] * len(maps))
+
+
+def test_evidence_falls_as_the_tolerance_rises_and_never_with_what_scans_disagree_by():
+    features, potential = draw(100, 80, 120), grown()
+    falling = np.array([evidence_of(columns_of(features, t), potential) for t in np.geomspace(0.05, 0.8, 25)])
+    assert (np.diff(falling, axis=0) <= 1e-12).all()
+    assert (falling[0] - falling[-1]).max() > 3.0
+    metres = [NODE.index(name) for name in ("disagreement_low", "disagreement", "disagreement_high")]
+    before = evidence_of(columns_of(features, T), potential)
+    for more in (0.02, 0.1, 0.3):
+        apart = features._replace(node=features.node.copy())
+        apart.node[:, metres] += more
+        after = evidence_of(columns_of(apart, T), potential)
+        assert (after >= before - 1e-12).all()
+        before = after
+
+
+def test_a_lower_bound_above_the_tolerance_decides():
+    features = draw(5)
+    columns = columns_of(features, T)
+    potential = draw_potential(np.random.default_rng(1), columns.names)
+    evidence, plain = evidence_of(columns, potential), potential.log_odds(columns)
+    decided = features.disagreement[:, 0] > T
+    assert 0 < decided.sum() < len(decided)
+    np.testing.assert_array_equal(evidence[~decided], plain[~decided])
+    np.testing.assert_array_equal(evidence[decided], np.maximum(plain[decided], DECISIVE))
+    alone = without_scans(columns)
+    np.testing.assert_array_equal(evidence_of(alone, potential), potential.log_odds(alone))
 
 
 def test_importance_is_the_mean_that_a_column_moves():

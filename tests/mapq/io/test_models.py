@@ -56,7 +56,7 @@ def test_calibrations_and_operating_points_are_read_to_the_last_bit(calibration,
 
 def test_the_file_is_readable(tmp_path):
     content = json.loads(saved(tmp_path).read_text())
-    assert content["schema"] == SCHEMA == "mapq.model/3"
+    assert content["schema"] == SCHEMA == "mapq.model/4"
     assert set(content["parameters"]) == {"node", "coupling"}
     assert set(content["parameters"]["node"]) == {"bias", "fit", "tilt", "thickness"}
     assert set(content["parameters"]["coupling"]) == {"at_x_min", "at_x_max"}

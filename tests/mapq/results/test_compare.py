@@ -8,6 +8,7 @@ import pytest
 
 from mapq.io.results import write_result
 from mapq.labels import UNLABELLED
+from mapq.results.causes import CAUSES
 from mapq.results.compare import compare as compare_maps
 from mapq.results.compare import comparison_content
 from mapq.results.evaluate import area_under_curve, calibration_error, reliability, score_labels
@@ -94,7 +95,17 @@ def test_a_result_file_repeats_the_patches(tmp_path, maps):
 
 def test_the_content_is_that_of_the_json(maps):
     content = comparison_content(compare_maps(*maps, 5.0))
-    assert set(content) == {"cell_m", "n_cells", "first", "second", "better", "by", "difference", "places"}
+    assert set(content) == {
+        "cell_m",
+        "tolerance_m",
+        "n_cells",
+        "first",
+        "second",
+        "better",
+        "by",
+        "difference",
+        "places",
+    }
     assert {place["change"] for place in content["places"]} == {"better", "worse"}
     assert set(content["first"]) == {"area_m2", "share_of_area", "expected_share_of_area", "share_in_common"} | {
         "disagreement_m",
@@ -254,13 +265,17 @@ def test_the_verdict_is_that_of_the_area(result, fail_over, passed):
     share = result.area[result.is_suspicious].sum() / result.area.sum()
     verdict = result.verdict(fail_over)
     area = {"unknown": pytest.approx(result.area[result.is_suspicious].sum())}
-    area |= {"missed loop closure": 0.0, "local mapping error": 0.0}
+    area |= dict.fromkeys(CAUSES[1:], 0.0)
     assert verdict == {
         "share_of_area": pytest.approx(share),
         "coverage": pytest.approx(float("nan"), nan_ok=True),
         "fail_over": fail_over,
         "min_coverage": 0.2,
+        "fail_apart": None,
         "passed": passed,
+        "tolerance_m": 0.3,
+        "resolution_m": pytest.approx(float("nan"), nan_ok=True),
+        "unresolved_share_of_area": pytest.approx(float("nan"), nan_ok=True),
         "cause": "unknown",
         "area_by_cause_m2": area,
         "disagreement_m": pytest.approx(float("nan"), nan_ok=True),

@@ -69,6 +69,11 @@ def assert_alike(found: Result, plain: Result) -> None:
     if "n_scans" in found.features.node_names:
         # A count, of which one more or less is as much as a centimetre of the others.
         away[:, found.features.node_names.index("n_scans")] *= 0.01
+        # A scan with a point less than counts moves an upper bound as far as it lies off: bounds must hold each other.
+        away[:, found.features.node_names.index("disagreement_high")] = 0.0
+        (low, _, high), (begin, _, end) = found.features.disagreement[mine].T, plain.features.disagreement[theirs].T
+        known = np.isfinite(high) & np.isfinite(end)
+        assert ((low <= end) & (begin <= high))[known].mean() > 0.98
     assert np.quantile(away, 0.95, axis=0).max() < 0.05
     number = np.full(len(found.patches), -1)
     number[mine] = theirs
@@ -76,7 +81,8 @@ def assert_alike(found: Result, plain: Result) -> None:
     known = {tuple(sorted(pair)) for pair in plain.features.pairs.tolist()}
     assert len(pairs - known) < 0.02 * len(known)
     assert len(pairs) > 0.95 * len(known)
-    assert np.mean(found.labelling.label[mine] != plain.labelling.label[theirs]) < 0.01
+    # Whether a scan has ten points on a patch decides labels too, at few patches.
+    assert np.mean(found.labelling.label[mine] != plain.labelling.label[theirs]) < 0.025
 
 
 @pytest.mark.parametrize(

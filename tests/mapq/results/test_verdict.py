@@ -1,0 +1,86 @@
+"""The tolerance of a map, what it resolves, and limits in metres."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mapq.features.context import DISAGREEMENT
+from mapq.results.result import assess
+from mapq.results.verdict import resolution_of, tolerance_of
+from prf.shell.errors import ArgumentError
+from tests.mapq.labelled import draw_patches
+from tests.mapq.results.test_result import make_model
+
+ALL = (0.05, 0.1, 0.2, 0.3, 0.5, 0.8)
+
+
+@pytest.fixture(scope="module")
+def result():
+    return assess(draw_patches(1), make_model())
+
+
+def scanned(result, low, metres, high):
+    """Return the result with what scans disagree by on every patch."""
+    features = result.features
+    places = [features.node_names.index(name) for name in DISAGREEMENT]
+    node = features.node.copy()
+    node[:, places] = np.column_stack([metres, low, high])
+    return replace(result, features=features._replace(node=node))
+
+
+def bounds(result, width):
+    n = len(result.patches)
+    metres = np.linspace(0.06, 0.4, n)
+    return metres - 0.5 * width, metres, metres + 0.5 * width
+
+
+def test_a_tolerance_is_chosen_by_what_is_known(result):
+    model = replace(result.model, tolerances=ALL)
+    assert np.isnan(resolution_of(result.features))
+    assert tolerance_of(result.features, model, None) == 0.3
+    for width, expected in ((0.04, 0.1), (0.1, 0.1), (0.16, 0.16), (2.0, 0.8)):
+        features = scanned(result, *bounds(result, width)).features
+        assert resolution_of(features) == pytest.approx(0.5 * width)
+        assert tolerance_of(features, model, None) == pytest.approx(expected)
+
+
+def test_a_tolerance_that_the_model_did_not_learn_is_refused(result):
+    model = replace(result.model, tolerances=ALL)
+    assert tolerance_of(result.features, model, 0.07) == 0.07
+    with pytest.raises(ArgumentError, match=r"tolerance 0\.04: the model learnt 0\.05 to 0\.8 m"):
+        tolerance_of(result.features, model, 0.04)
+    with pytest.raises(ArgumentError, match=r"learnt 0\.3 m alone"):
+        tolerance_of(result.features, result.model, 0.1)
+    assert tolerance_of(scanned(result, *bounds(result, 0.02)).features, result.model, None) == 0.3
+
+
+def test_the_verdict_says_what_scans_do_not_decide(result):
+    known = scanned(result, *bounds(result, 0.1))
+    assert known.verdict()["tolerance_m"] == known.tolerance == 0.3
+    assert known.verdict()["resolution_m"] == pytest.approx(0.05)
+    assert known.verdict()["unresolved_share_of_area"] == 0.0
+    low, metres, high = bounds(result, 0.1)
+    some = np.arange(len(metres)) % 3 == 0
+    partly = scanned(result, low, np.where(some, np.nan, metres), high)
+    assert partly.verdict()["unresolved_share_of_area"] == pytest.approx(result.area[some].sum() / result.area.sum())
+    assert scanned(result, *bounds(result, 0.7)).verdict()["unresolved_share_of_area"] == 1.0
+    assert np.isnan(result.verdict()["unresolved_share_of_area"])
+
+
+@pytest.mark.parametrize(("fail_apart", "passed"), [(0.01, False), (0.39, True)])
+def test_a_map_fails_by_the_median_of_what_scans_disagree_by(result, fail_apart, passed):
+    known = scanned(result, *bounds(result, 0.1))
+    verdict = known.verdict(fail_apart=fail_apart)
+    assert verdict["passed"] is passed
+    assert (verdict["scans_apart_m"] <= fail_apart) is passed
+    assert known.verdict(fail_over=0.0, fail_apart=fail_apart)["passed"] is False
+    assert result.verdict(fail_apart=fail_apart)["passed"] is False, "nobody knows how far its scans disagree"
+
+
+@pytest.mark.parametrize("fail_apart", [0.0, -1.0, np.nan, np.inf])
+def test_a_limit_that_is_no_length_is_refused(result, fail_apart):
+    with pytest.raises(ArgumentError, match="must be metres above 0"):
+        result.verdict(fail_apart=fail_apart)
