@@ -11,7 +11,6 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Callable, Iterator, Sequence
-from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -21,6 +20,21 @@ from benchmarks import real_data
 from benchmarks.real_methods import without_scans
 from benchmarks.unseen_rivals import Plain, columns_of, forest_of, make_training_maps, plain_numbers
 from benchmarks.unseen_sets import ALONE, PAIRED, RIGHT, WRONG, Map, prepare, read_index, read_map
+from benchmarks.unseen_table import (
+    BEFORE,
+    BINS,
+    ENTROPY,
+    FALSE_ALARMS,
+    FOREST,
+    METHODS,
+    MODEL,
+    POINTS,
+    SCANS,
+    SPREAD,
+    THICKNESS,
+    lines,
+)
+from mapq.crf import Labelling, classify
 from mapq.features.compute import feature_settings
 from mapq.io.models import read_default_model, read_model
 from mapq.labels import PLAUSIBLE, SUSPICIOUS
@@ -31,19 +45,19 @@ from mapq.results.judged import Judged, judge
 from mapq.results.result import Result, assess
 from prf.shell.errors import InputError
 
-POINTS, SCANS = "points alone", "scans known"
-MODEL, FOREST, THICKNESS, SPREAD, ENTROPY, BEFORE = "mapq", "forest", "thickness", "spread", "entropy", "before"
-METHODS = (MODEL, FOREST, THICKNESS, SPREAD, ENTROPY, BEFORE)
-"""Spread: from the lowest to the highest median of scans along the normal; before: another model, of `--before`."""
 TRAINING, PLAIN = "training", "plain"
 """Folders of the cache."""
-FALSE_ALARMS = 0.03
 CELL, MOST_COMPARED = 5.0, 100_000
 """Side in metres of the cubes in which maps are compared, and points of a map that are asked."""
-BINS = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0)
-"""Metres: bounds between which patches are counted by how far they are displaced along their normal."""
 LEAST_LABELS = 5
 """Patches of either label that a row of a set needs."""
+
+TOLERANCES = (0.1, 0.2, 0.3)
+"""Metres at which maps are judged; all else is at the last."""
+BETWEEN, AGREES = (0.12, 0.3), 0.05
+"""Metres: truly apart at the first tolerance and not at the last, and surely not apart."""
+FAR, NEAR = 0.2, 0.1
+"""Metres: patches farther apart shall rank before those that are closer."""
 
 Say = Callable[[str], None]
 
@@ -69,8 +83,10 @@ class Said(NamedTuple):
         Of area that is called suspicious, and of points that are in patches.
     points : Judged
         At most `MOST_COMPARED` of them.
-    disagreement : (m, 3) float64 or None
-        Low, value and high in metres, nan where unknown; None where this release does not measure it.
+    disagreement : (m, 3) float64
+        Low, value and high in metres, nan where unknown.
+    at : dict of float to Labelling
+        By tolerance.
     """
 
     row: Map
@@ -83,7 +99,8 @@ class Said(NamedTuple):
     share: float
     judged: float
     points: Judged
-    disagreement: np.ndarray | None
+    disagreement: np.ndarray
+    at: dict[float, Labelling]
 
 
 def read_said(folder: Path, row: Map, model: Model, forest: Any, before: dict[str, Any]) -> dict[str, Said]:
@@ -92,7 +109,7 @@ def read_said(folder: Path, row: Map, model: Model, forest: Any, before: dict[st
     plain = plain_numbers(known, folder / PLAIN / f"{row.name}.npz")
     found = {}
     for variant, patches in ((POINTS, without_scans(known)), (SCANS, known)):
-        result = assess(patches, model)
+        result = assess(patches, model, tolerance=TOLERANCES[-1])
         score = _scores(result, plain if variant == SCANS else plain._replace(spread=None), forest)
         earlier = before.get(variant, {}).get(row.name)
         if earlier is not None:
@@ -109,7 +126,8 @@ def read_said(folder: Path, row: Map, model: Model, forest: Any, before: dict[st
             float(counts["share_of_area"]),
             counts["n_points_in_patches"] / max(counts["n_points"], 1),
             _some(judge(result, row.name)),
-            getattr(result.features, "disagreement", None),
+            result.features.disagreement,
+            {tolerance: classify(result.features, model, tolerance) for tolerance in TOLERANCES},
         )
     return found
 
@@ -152,6 +170,7 @@ def summary(said: Sequence[Said]) -> dict[str, Any]:
         "shares": {each.row.name: each.share for each in said},
         "disagreement": metres(said),
         "curve": curve(said),
+        "tolerances": tolerances(said),
     }
     pairs = [(one, other) for one in said for other in said if one.row.kind == RIGHT and other.row.kind == WRONG]
     found["compare"] = [sum(_ranked(*pair) for pair in pairs), len(pairs)]
@@ -213,9 +232,7 @@ def _recall(bad: np.ndarray, good: np.ndarray) -> float:
 
 def metres(said: Sequence[Said]) -> dict[str, float] | None:
     """Return errors of the disagreement in metres where it is measured and known; None elsewhere."""
-    if any(each.disagreement is None for each in said):
-        return None
-    low, value, high = np.concatenate([np.asarray(each.disagreement) for each in said]).T
+    low, value, high = np.concatenate([each.disagreement for each in said]).T
     true = np.concatenate([each.plain.metres for each in said])
     known = np.isfinite(true) & np.isfinite(value)
     if not known.any():
@@ -228,6 +245,27 @@ def metres(said: Sequence[Said]) -> dict[str, float] | None:
         "error": float(np.median(error)),
         "coverage": float(inside.mean()),
         "width": float(np.median(width)),
+    }
+
+
+def tolerances(said: Sequence[Said]) -> dict[str, Any]:
+    """Return what is called suspicious at two tolerances, how patches rank, and how well p is calibrated."""
+    true = np.concatenate([each.plain.metres for each in said])
+    label, p = (
+        {t: np.concatenate([getattr(each.at[t], name) for each in said]) for t in TOLERANCES}
+        for name in ("label", "probability")
+    )
+    between, agrees, known = (true > BETWEEN[0]) & (true <= BETWEEN[1]), true < AGREES, np.isfinite(true)
+    first, last = (label[t] == SUSPICIOUS for t in (TOLERANCES[0], TOLERANCES[-1]))
+    ranked = known & ((true > FAR) | (true < NEAR))
+    both = len(np.unique(true[ranked] > FAR)) == 2
+    return {
+        "n_between": int(between.sum()),
+        "found": _share(first[between].sum(), between.sum()),
+        "alarms": _share(first[agrees].sum(), agrees.sum()),
+        "called_at_last": _share(last[between].sum(), between.sum()),
+        "auc": area_under_curve(p[0.2][ranked].astype(float), true[ranked] > FAR) if both else float("nan"),
+        "ece": [calibration_error(p[t][known].astype(float), true[known] > t) for t in TOLERANCES],
     }
 
 
@@ -289,74 +327,6 @@ def kept(said: Said) -> dict[str, list[float]]:
     """Return what the model says of the patches of a map, for JSON."""
     columns = {"label": said.called.astype(int), "probability": said.probability, "difference": said.score[MODEL]}
     return {name: values.round(6).tolist() for name, values in columns.items()}
-
-
-def lines(found: dict[str, Any]) -> Iterator[str]:
-    """Yield the tables."""
-    rows = [(place, variant, each[variant]) for place, each in found.items() for variant in (POINTS, SCANS)]
-    yield "false alarms on right maps at the model's threshold, % of patches / of area, one of so many points kept"
-    densities = sorted({int(key) for _, _, row in rows for key in row["false_alarms"]})
-    yield f"{'':29}{'patches':>9}" + "".join(f"{f'1/{each}':>14}" for each in densities) + f"{'in patches':>12}"
-    for place, variant, row in rows:
-        alarms = row["false_alarms"]
-        cells = "".join(f"{_alarms(alarms.get(each)):>14}" for each in densities)
-        n = sum(each["n"] for each in alarms.values())
-        yield f"{_mark(row)}{place:14}{variant:14}{n:>9}{cells}{row['judged']:>12.1%}"
-    yield ""
-    yield f"suspicious against plausible patches: AUC, and recall at {FALSE_ALARMS:.0%} false alarms of the row"
-    yield (
-        f"{'':34}{'n':>6}{'bad':>6}"
-        + "".join(f"{method:>14}" for method in METHODS)
-        + "    recall, alarms, ECE as shipped"
-    )
-    for place, variant, row in rows:
-        for thinned, rank in row["ranks"].items():
-            if rank is not None:
-                cells = "".join(f"{_rank(rank.get(method)):>14}" for method in METHODS)
-                shipped = f"{rank['recall_shipped']:>10.2f}{rank['alarms_shipped']:>8.3f}{rank['ece']:>6.2f}"
-                head = f"{_mark(row)}{place:14}{variant:14}1/{thinned:<3}"
-                yield f"{head}{rank['n']:>6}{rank['base_rate']:>6.0%}{cells}{shipped}"
-    yield ""
-    yield "whole maps: right before wrong by compare, and by mean map entropy at one density; larger error has larger"
-    yield "share; most that a share moves from 1/1 to 1/6; disagreement: known, median error, in bounds, width"
-    for place, variant, row in rows:
-        if row["compare"][1] or row["disagreement"]:
-            ranked = "".join(
-                f"{good:>5} of {n:<4}" for good, n in map(row.get, ("compare", "compare_entropy", "growth"))
-            )
-            yield f"{_mark(row)}{place:14}{variant:14}{ranked}{row['thinning']:>8.1%}{_metres(row['disagreement'])}"
-    yield ""
-    bounds = [f"<{BINS[0]:g}", *(f"{low:g}-{high:g}" for low, high in pairwise(BINS)), f">{BINS[-1]:g}"]
-    yield "share of patches called suspicious (and how many there are), by metres displaced along the normal"
-    yield f"{'':30}" + "".join(f"{each:>13}" for each in bounds)
-    for place, variant, row in rows:
-        bins = zip(row["curve"]["called"], row["curve"]["n"], strict=True)
-        cells = "".join(f"{f'{share:.2f} ({n:.0f})' if n else '-':>13}" for share, n in bins)
-        yield f"{_mark(row)}{place:14}{variant:14}{cells}"
-    yield ""
-    yield "share of area called suspicious, by error"
-    for place, variant, row in rows:
-        parts = [f"{name.removeprefix(place + '-')} {share:.0%}" for name, share in row["shares"].items()]
-        yield f"{_mark(row)}{place:14}{variant:14}" + ", ".join(parts)
-    yield "* for development; all others for judging alone"
-
-
-def _mark(row: dict[str, Any]) -> str:
-    return "* " if row["role"] == "development" else "  "
-
-
-def _alarms(row: dict[str, float] | None) -> str:
-    return "-" if row is None or not row["n"] else f"{100 * row['patches']:.1f} / {100 * row['area']:.1f}"
-
-
-def _rank(row: dict[str, float] | None) -> str:
-    return "-" if row is None else f"{row['auc']:.3f} {row['recall']:.2f}"
-
-
-def _metres(row: dict[str, float] | None) -> str:
-    if row is None:
-        return ""
-    return f"{row['known']:>8.0%}{row['error']:>8.3f}{row['coverage']:>7.0%}{row['width']:>8.3f}"
 
 
 def main() -> None:

@@ -16,7 +16,6 @@ from sklearn.ensemble import RandomForestClassifier
 from benchmarks.commands import ROOT
 from benchmarks.entropies import LEAST, entropy_of, moments_of
 from benchmarks.map_metrics import map_metrics
-from benchmarks.real_data import disagreement_of
 from benchmarks.real_methods import without_scans
 from data import make_default_model as recipe
 from mapq.configuration import FeatureSettings
@@ -66,7 +65,7 @@ def plain_numbers(patches: Patches, kept: Path) -> Plain:
     if not kept.exists():
         kept.parent.mkdir(parents=True, exist_ok=True)
         unknown = np.full(len(patches), np.nan)
-        metres = disagreement_of(patches) if "disagreement" in patches.cloud.fields else unknown
+        metres = unknown if patches.apart is None else patches.apart
         spread = spread_of(patches) if "scan" in patches.cloud.fields else unknown
         thinned = patches.cloud.take(_one_a_cell(patches))
         entropy, whole = entropy_by_patch(patches, thinned.xyz), map_metrics(thinned).mean_map_entropy

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from benchmarks import real_data
+from data.true_ranges import true_ranges, with_metres
 from mapq.cloud import PointCloud
 from mapq.configuration import MergeSettings, PerturbSettings
 from mapq.io import read_patches, write_patches
@@ -70,7 +71,7 @@ class Map(NamedTuple):
         return "development" if self.place in DEVELOPMENT else "judging"
 
 
-Maker = Callable[[], PointCloud]
+Maker = Callable[[], Patches]
 
 
 def maps(data: Path) -> Iterator[tuple[Map, Maker]]:
@@ -94,11 +95,16 @@ def maps(data: Path) -> Iterator[tuple[Map, Maker]]:
     yield from _park(data)
 
 
-def _merged(scans: PosedScans, poses: np.ndarray | None = None, thinned: int = 1) -> PointCloud:
-    """Return the map of scans at poses that may be wrong, labelled by those that are right."""
+def _merged(scans: PosedScans, poses: np.ndarray | None = None, thinned: int = 1) -> Patches:
+    """Return the patches of the map of scans at poses that may be wrong, labelled by those that are right."""
     used = scans if poses is None else scans.with_poses(poses, "displaced")
     settings = MergeSettings(max_range=FARTHEST if "3dtk" in scans.source else None)
-    return thin(build(used, merging=settings, reference=scans.poses).cloud, thinned)
+    patches = segment(thin(build(used, merging=settings, reference=scans.poses).cloud, thinned))
+    moved = used.poses @ np.linalg.inv(scans.poses)
+    back = np.linalg.inv(moved)[np.asarray(patches.cloud.fields["scan"]).astype(np.int64)]
+    world = patches.cloud.world()
+    places = np.einsum("nij,nj->ni", back[:, :3, :3], world) + back[:, :3, 3]
+    return with_metres(patches, np.nan_to_num(true_ranges(patches, places, moved)))
 
 
 def thin(cloud: PointCloud, thinned: int) -> PointCloud:
@@ -126,7 +132,7 @@ def _wrong(place: str, load: Callable[[Path], PosedScans], data: Path) -> Iterat
         yield row, lambda row=row: _displaced(load(data), row)  # type: ignore[misc]
 
 
-def _displaced(scans: PosedScans, row: Map) -> PointCloud:
+def _displaced(scans: PosedScans, row: Map) -> Patches:
     return _merged(scans, wrong_poses(scans.poses, row.error, row.size, row.seed), row.thinned)
 
 
@@ -178,7 +184,7 @@ def _alone(data: Path) -> Iterator[tuple[Map, Maker]]:
             row = Map(f"{place.replace(' ', '_')}-{number}", place, ALONE)
             yield row, lambda load=load, number=number: _merged(real_data.some(load(data), [number]))  # type: ignore[misc]
     for name in real_data.FINISHED:
-        yield Map(f"finished-{name}", "finished", ALONE), lambda name=name: real_data.finished(data, name)  # type: ignore[misc]
+        yield Map(f"finished-{name}", "finished", ALONE), lambda name=name: segment(real_data.finished(data, name))  # type: ignore[misc]
 
 
 def _park(data: Path) -> Iterator[tuple[Map, Maker]]:
@@ -187,12 +193,17 @@ def _park(data: Path) -> Iterator[tuple[Map, Maker]]:
         row = Map(f"park-alone-{number}", "park", ALONE)
         yield row, lambda number=number: _submap(real_data.park(data), number)  # type: ignore[misc]
     chained = Map("park-chained-1", "park", WRONG, "chained", np.nan)
-    yield chained, lambda: build(real_data.park(data), merging=MergeSettings(submaps=True)).cloud
+    yield chained, lambda: _chained(real_data.park(data))
 
 
-def _submap(scans: PosedScans, number: int) -> PointCloud:
-    cloud = build(real_data.some(scans, [number]), merging=MergeSettings(submaps=True), reference=scans.poses[[number]])
-    return cloud.cloud
+def _chained(scans: PosedScans) -> Patches:
+    patches = segment(build(scans, merging=MergeSettings(submaps=True)).cloud)
+    return with_metres(patches, real_data.disagreement_of(patches))
+
+
+def _submap(scans: PosedScans, number: int) -> Patches:
+    some = real_data.some(scans, [number])
+    return segment(build(some, merging=MergeSettings(submaps=True), reference=some.poses).cloud)
 
 
 def prepare(data: Path, folder: Path, say: Callable[[str], None]) -> None:
@@ -201,10 +212,8 @@ def prepare(data: Path, folder: Path, say: Callable[[str], None]) -> None:
     for row, make in maps(data):
         path = folder / f"{row.name}.patches"
         if not path.exists():
-            cloud = make()
-            patches = segment(cloud)
-            right = row.kind == ALONE or "suspicious" not in cloud.fields
-            write_patches(path, real_data.plausible(patches) if right else real_data.label_patches(patches))
+            patches = make()
+            write_patches(path, with_metres(patches, np.zeros(len(patches))) if row.kind == ALONE else patches)
         _add(folder, row)
         say(row.name)
 

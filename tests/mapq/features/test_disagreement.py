@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -263,7 +264,7 @@ def test_a_whole_scan_that_lies_apart_counts_and_stray_points_within_a_scan_do_n
     assert whole.metres[[1, 3]] == pytest.approx([0.3, 0.3], abs=0.02)
     patches = scanned(sensors=())
     on = patches.cloud.xyz[(patches.patch == 1) & (patches.cloud.fields["scan"] == 2)]
-    stray = measured(with_points(patches, on[::4] + [0.3, 0.0, 0.0], 2, 1))
+    stray = measured(with_points(patches, [*on[::4], 0.3, 0.0, 0.0], 2, 1))
     assert stray.metres[1] < 0.02
     assert stray.high[1] < 0.05
 
@@ -333,7 +334,7 @@ def test_ranges_of_patches_are_those_by_their_definition(seed):
     covariance = root @ root.T
     found = ranges_of_patches(first, scan, n_points, jacobian, motion, covariance, least, alike)
     assert found.shape == (4, 3, 3)
-    for patch, (begin, end) in enumerate(zip(first[:-1], first[1:], strict=True)):
+    for patch, (begin, end) in enumerate(itertools.pairwise(first)):
         for place, fewest in enumerate(least):
             rows = begin + np.flatnonzero(n_points[begin:end] >= fewest)
             assert found[patch, place, 2] == len(rows)

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from data.training_scenes import SITES
 from data.training_worlds import ScannedWorld, labelled, make_world, training_clouds
+from data.true_ranges import true_ranges
+from mapq.api import point_cloud
 from mapq.cloud import PointCloud
 from mapq.labels import SUSPICIOUS
 from mapq.perturb import build
+from tests.mapq.factories import make_patches
 
 SHIFT = 0.5
 FIELDS = {"scan", "time", "pass_id", "to_sensor_x", "to_sensor_y", "to_sensor_z", "suspicious", "disagreement"}
@@ -73,3 +78,21 @@ def test_the_truth_is_that_of_build_where_both_know_it(world: ScannedWorld) -> N
     both = (theirs < 2) & (ours < 2)
     assert both.mean() > 0.5
     assert (theirs == ours)[both].mean() > 0.9
+
+
+def test_true_ranges_are_of_scans_with_ten_points_on_the_surface():
+    rng = np.random.default_rng(0)
+    shifts = np.array([0.0, 0.12, -0.05, 0.9])
+    scan = np.repeat(np.arange(4), [2000, 60, 10, 9])
+    places = np.column_stack([rng.uniform(0.0, 4.0, (len(scan), 2)), np.zeros(len(scan))])[:, [0, 2, 1]]
+    moved = np.tile(np.eye(4), (4, 1, 1))
+    moved[:, 1, 3] = shifts
+    moved[:, 0, 3] = 0.3  # along the wall, which leaves it where it is
+    used = places + moved[scan, :3, 3]
+    patches = make_patches([used[scan == 0]], np.array([[0.0, 1.0, 0.0]]), loose=0)
+    cloud = point_cloud(np.vstack([used[scan == 0], used[scan != 0]]), {"scan": scan})
+    patch = np.where(scan == 0, 0, -1).astype(np.int32)
+    found = true_ranges(replace(patches, cloud=cloud, patch=patch), places, moved)
+    assert found == pytest.approx([0.17]), "the last scan has nine points"
+    alone = replace(patches, cloud=cloud.take(scan == 0), patch=patch[scan == 0])
+    assert np.isnan(true_ranges(alone, places[scan == 0], moved)).all()
