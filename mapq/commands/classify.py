@@ -35,6 +35,30 @@ EXAMPLES = (
     "mapq classify city/ -o city.classified/ --workers 8",
 )
 
+FailOver = Annotated[
+    float | None,
+    typer.Option(
+        "--fail-over",
+        metavar="SHARE",
+        parser=parse_share,
+        help="Exit 1 if more of the area is suspicious: 0.05 or 5%.",
+    ),
+]
+FailApart = Annotated[
+    float | None,
+    typer.Option(
+        "--fail-apart", metavar="METRES", help="Exit 1 if scans disagree by more in the median, or are not known."
+    ),
+]
+MinCoverage = Annotated[
+    float | None,
+    typer.Option(
+        "--min-coverage",
+        metavar="SHARE",
+        parser=parse_share,
+        help="With either, exit 1 too if fewer of the points on planes of any tilt are in judged patches.  [20%]",
+    ),
+]
 GraphOut = Annotated[
     str | None,
     typer.Option(
@@ -58,32 +82,9 @@ def classify(
     *,
     settings: Loaded[Configuration],
     model: ModelFile = None,
-    fail_over: Annotated[
-        float | None,
-        typer.Option(
-            "--fail-over",
-            metavar="SHARE",
-            parser=parse_share,
-            help="Exit 1 if more of the area is suspicious: 0.05 or 5%.",
-        ),
-    ] = None,
-    fail_apart: Annotated[
-        float | None,
-        typer.Option(
-            "--fail-apart",
-            metavar="METRES",
-            help="Exit 1 if scans disagree by more in the median, or are not known.",
-        ),
-    ] = None,
-    min_coverage: Annotated[
-        float | None,
-        typer.Option(
-            "--min-coverage",
-            metavar="SHARE",
-            parser=parse_share,
-            help="With either, exit 1 too if fewer of the points on planes of any tilt are in judged patches.  [20%]",
-        ),
-    ] = None,
+    fail_over: FailOver = None,
+    fail_apart: FailApart = None,
+    min_coverage: MinCoverage = None,
     graph_out: GraphOut = None,
     output: Output = None,
     json: Json = False,

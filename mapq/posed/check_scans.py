@@ -104,7 +104,7 @@ def pairs_of(scene: PlacedScans) -> list[tuple[int, int]]:
     cells = np.concatenate([np.floor(each.xyz / CELL).astype(np.int64) for each in scene.surfaces])
     scan = np.repeat(np.arange(n), [len(each.xyz) for each in scene.surfaces])
     number = np.unique(cells, axis=0, return_inverse=True)[1].ravel()
-    seen = csr_matrix((np.ones(len(scan)), (scan, number)))
+    seen = csr_matrix((np.ones(len(scan)), (scan, number)), shape=(n, int(number.max(initial=-1)) + 1))
     seen.data[:] = 1.0
     counts = np.maximum(np.asarray(seen.sum(axis=1)).ravel(), 1.0)
     shared = (seen @ seen.T).tocsr()

@@ -21,7 +21,7 @@ from tests.mapq.factories import moved
 from tests.mapq.town import town
 
 Floats = NDArray[np.float64]
-N_POINTS = 40_000
+N_POINTS = 60_000
 FOOT = 0.3048
 
 

@@ -264,7 +264,7 @@ def test_a_whole_scan_that_lies_apart_counts_and_stray_points_within_a_scan_do_n
     assert whole.metres[[1, 3]] == pytest.approx([0.3, 0.3], abs=0.02)
     patches = scanned(sensors=())
     on = patches.cloud.xyz[(patches.patch == 1) & (patches.cloud.fields["scan"] == 2)]
-    stray = measured(with_points(patches, [*on[::4], 0.3, 0.0, 0.0], 2, 1))
+    stray = measured(with_points(patches, on[::4] + np.array([0.3, 0.0, 0.0]), 2, 1))
     assert stray.metres[1] < 0.02
     assert stray.high[1] < 0.05
 

@@ -12,7 +12,7 @@ from mapq.io import write_ply
 from mapq.posed import PosedScans, check_poses, merge_scans, read_edges, write_without
 from mapq.posed.breaks import Breaks, breaks_of
 from mapq.posed.check_poses import CheckedPoses
-from mapq.posed.check_scans import PRIOR, check_scans, log_odds_wrong, pairs_of, scene_of
+from mapq.posed.check_scans import PRIOR, PlacedScans, check_scans, log_odds_wrong, pairs_of, scene_of
 from mapq.posed.edges import EdgeError
 from mapq.posed.register import Alignment, motion_about, moved_by, register, surface_of
 from mapq.posed.solve import RIGHT, SADDLE, Relation, solve
@@ -147,6 +147,15 @@ def test_pairs_are_neighbours_and_what_overlaps_most() -> None:
     pairs = pairs_of(scene_of(merge_scans(SCANS), SCANS.poses))
     assert {(k, k + 1) for k in range(8)} <= set(pairs)
     assert all(a < b for a, b in pairs)
+
+
+@pytest.mark.parametrize("bare", [[3], [0, 3], [0, 1, 2, 3]])
+def test_a_scan_without_planes_is_in_no_pair(bare: list[int]) -> None:
+    wall = np.stack(np.meshgrid(np.arange(0.0, 6.0, 0.1), [0.0], np.arange(0.0, 3.0, 0.1)), axis=-1).reshape(-1, 3)
+    surfaces = tuple(surface_of(wall[:0] if scan in bare else wall, None) for scan in range(4))
+    pairs = pairs_of(PlacedScans(surfaces, np.zeros((4, 3))))
+    seeing = [scan for scan in range(4) if scan not in bare]
+    assert pairs == [(one, other) for one in seeing for other in seeing if one < other]
 
 
 def twisted(shifts: np.ndarray, edges: tuple[EdgeError, ...] = ()) -> Breaks:
