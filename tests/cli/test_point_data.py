@@ -184,7 +184,7 @@ AHEAD = np.linspace(-np.pi / 2, np.pi / 2, N_BEAMS + 1)
 WAY = np.array([(1.0 + 0.8 * k, 1.0 + 0.4 * k, 0.3 * k) for k in range(6)])
 """Poses of the laser, a second apart."""
 SMALL = (
-    "--steps 10000 --chains 1 --seed 1 --set sampler.start=grid --max-range 20 --scale 0.2 --window -1 -1 7 5 "
+    "--steps 40000 --chains 1 --seed 1 --set sampler.start=grid --max-range 20 --scale 0.2 --window -1 -1 7 5 "
     "--resolution 0.1"
 )
 
