@@ -346,8 +346,8 @@ def _tolerance(result: Result, limits: Mapping[str, Any]) -> str:
     verdict, words = result.verdict(**limits), f"{result.tolerance:.2f} m"
     if verdict["resolution_m"] != verdict["resolution_m"]:
         return f"{words}; scans are not known, so copies are found by points alone"
-    open_ = f"{verdict['unresolved_share_of_area']:.1%} of the area by too few scans to be sure"
-    return f"{words}; scans resolve {verdict['resolution_m']:.3f} m, and saw {open_}"
+    left = f"leave {verdict['unresolved_share_of_area']:.1%} of the area open at that"
+    return f"{words}; scans resolve {verdict['resolution_m']:.3f} m, and {left}"
 
 
 def _verdict(result: Result, limits: Mapping[str, Any]) -> str:
