@@ -18,6 +18,7 @@ import shapely
 from benchmarks import bitmap, commands, figure3, figure4, figure5, scores, unseen, unseen_rivals, unseen_sets
 from benchmarks.contours import contour_polygons, write_contours
 from benchmarks.unseen_sets import Map
+from mapq.crf import Labelling
 from mapq.labels import PLAUSIBLE, SUSPICIOUS, UNLABELLED
 from mapq.results.judged import Judged
 from prf.model.sensors import SonarModel
@@ -213,12 +214,13 @@ def said(row: Map, label: list[int], score: list[float], metres: list[float]) ->
     n, values = len(label), np.array(score)
     called = values > 0.5
     xyz = np.arange(3.0 * n).reshape(n, 3) / n
-    points = Judged(xyz, np.ones(n), called, values, *(np.full(n, np.nan),) * 2, 1.0, row.name)
+    points = Judged(xyz, np.ones(n), called, values, *(np.full(n, np.nan),) * 2, 1.0, 0.3, row.name)
     plain = unseen_rivals.Plain(np.array(metres), np.full(n, np.nan), np.zeros(n), values.mean())
     known = np.column_stack([values - 0.1, values, values + 0.1])
     scores = {unseen.MODEL: values}
+    at = {t: Labelling(called.astype(np.uint8), values.astype(np.float32), values) for t in unseen.TOLERANCES}
     return unseen.Said(
-        row, np.array(label), plain, np.ones(n), called, values, scores, float(called.mean()), 1.0, points, known
+        row, np.array(label), plain, np.ones(n), called, values, scores, float(called.mean()), 1.0, points, known, at
     )
 
 
@@ -243,6 +245,8 @@ def test_a_set_is_summed_up_by_density():
     assert found["disagreement"]["n"] == 20
     assert found["disagreement"]["coverage"] == pytest.approx(14 / 20)
     assert found["curve"]["n"] == [10, 0, 0, 0, 0, 10, 0]
+    at = found["tolerances"]
+    assert (at["n_between"], at["alarms"], at["auc"]) == (0, 0.1, pytest.approx(0.95))
     text = "\n".join(unseen.lines({"a": {unseen.POINTS: found, unseen.SCANS: found}}))
     assert "10.0 / 10.0" in text
     assert "0.983 0.83" in text
