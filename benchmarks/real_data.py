@@ -12,7 +12,7 @@ from benchmarks.commands import ROOT
 from mapq.cloud import PointCloud
 from mapq.configuration import FindSettings, ReadOptions
 from mapq.io import read_cloud
-from mapq.labels import FROM_FIELD, NO_PATCH, PLAUSIBLE
+from mapq.labels import FROM_FIELD, PLAUSIBLE
 from mapq.patches import Patches, label_from_field
 from mapq.posed import PosedScans, find_scans
 from mapq.segmentation import segment
@@ -133,12 +133,7 @@ def some(scans: PosedScans, chosen: Sequence[int]) -> PosedScans:
 
 def labelled(cloud: PointCloud) -> Patches:
     """Return the patches of a cloud that `mapq perturb` made, with its labels."""
-    return label_patches(segment(cloud))
-
-
-def label_patches(patches: Patches) -> Patches:
-    """Return patches with the labels that `mapq perturb` gave their points."""
-    return label_from_field(patches, "suspicious", patches.cloud.source)[0]
+    return label_from_field(segment(cloud), "suspicious", cloud.source)[0]
 
 
 def plausible(patches: Patches) -> Patches:
@@ -159,16 +154,3 @@ def alone(scans: PosedScans, axis: int, strip: tuple[float, float], test: bool) 
             cloud = PointCloud.from_world(part.astype(np.float32), fields, f"sub-map {scan}")
             found.append(plausible(segment(cloud)))
     return [patches for patches in found if len(patches)]
-
-
-def disagreement_of(patches: Patches) -> np.ndarray:
-    """Return the median disagreement (m,) of the points of each patch, nan where not half of them are known."""
-    metres = np.asarray(patches.cloud.fields["disagreement"], np.float64)
-    inside = np.flatnonzero(patches.patch != NO_PATCH)
-    found = np.full(len(patches), np.nan)
-    order = inside[np.argsort(patches.patch[inside], kind="stable")]
-    for patch, rows in enumerate(np.split(order, np.cumsum(patches.counts)[:-1])):
-        known = metres[rows][np.isfinite(metres[rows])]
-        if 2 * len(known) >= len(rows) > 0:
-            found[patch] = np.median(known)
-    return found

@@ -22,7 +22,7 @@ from benchmarks.map_metrics import map_metrics
 from benchmarks.real_methods import models_from_simulation, say
 from mapq.configuration import PerturbSettings
 from mapq.features import measure_shapes
-from mapq.labels import SUSPICIOUS
+from mapq.labels import SUSPICIOUS, metres_of
 from mapq.model import Model
 from mapq.perturb import build
 from mapq.perturb.build import label_points
@@ -52,7 +52,9 @@ def measure(scans: PosedScans, models: dict[str, Model], n_maps: int) -> dict[st
             "mean map entropy": metrics.mean_map_entropy,
             "mean plane variance": metrics.mean_plane_variance,
         }
-        patches.setdefault("truth", []).append(label_points(real_data.disagreement_of(found), PerturbSettings()))
+        patches.setdefault("truth", []).append(
+            label_points(metres_of(found.patch, len(found), metres), PerturbSettings())
+        )
         for name, model in models.items():
             said = say(found, name, model)
             row[f"{name}: suspicious area"] = float(area[said.label == SUSPICIOUS].sum() / area.sum())

@@ -14,6 +14,7 @@ from data.true_ranges import true_ranges, with_metres
 from mapq.cloud import PointCloud
 from mapq.configuration import MergeSettings, PerturbSettings
 from mapq.io import read_patches, write_patches
+from mapq.labels import metres_of
 from mapq.patches import Patches
 from mapq.perturb import build, displaced
 from mapq.posed import PosedScans
@@ -198,7 +199,7 @@ def _park(data: Path) -> Iterator[tuple[Map, Maker]]:
 
 def _chained(scans: PosedScans) -> Patches:
     patches = segment(build(scans, merging=MergeSettings(submaps=True)).cloud)
-    return with_metres(patches, real_data.disagreement_of(patches))
+    return with_metres(patches, metres_of(patches.patch, len(patches), patches.cloud.fields["disagreement"]))
 
 
 def _submap(scans: PosedScans, number: int) -> Patches:

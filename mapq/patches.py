@@ -155,7 +155,7 @@ class Patches:
         if not np.isin(label, (PLAUSIBLE, SUSPICIOUS, UNLABELLED)).all():
             raise ArgumentError("labels: must be 0 (plausible), 1 (suspicious) or 255 (unknown).")
         source = np.where(label == UNLABELLED, FROM_NOBODY, FROM_HAND).astype(np.uint8)
-        return replace(self, label=label.astype(np.uint8), label_source=source)
+        return replace(self, label=label.astype(np.uint8), label_source=source, apart=None)
 
     def plot(self, views: tuple[str, ...] = ("plan",)) -> Figure:
         """Return a picture: labels if there are any, else a colour for each patch; views "plan" and "3d"."""
@@ -229,7 +229,9 @@ def label_from_field(
     """
     values = truth_values(patches.cloud.fields, name, patches.patch, where, patches.label_tolerance)
     given = np.asarray(patches.cloud.fields[name])
-    apart = metres_of(patches.patch, len(patches), given) if are_metres(given) else None
+    # A conservative label is no median, and holds at its own tolerance alone.
+    by_metres = are_metres(given) and not conservative
+    apart = metres_of(patches.patch, len(patches), given) if by_metres else None
     rule = conservative_labels if conservative else majority_labels
     label, ties = rule(patches.patch, len(patches), values)
     source = np.where(label == UNLABELLED, FROM_NOBODY, FROM_FIELD).astype(np.uint8)

@@ -14,7 +14,7 @@ from mapq.crf.energy import (
     model_inputs,
     node_columns,
 )
-from mapq.crf.trees import LOW_RATIO, columns_of, evidence_of
+from mapq.crf.trees import LOW_RATIO, columns_of, decided
 from mapq.features.table import PatchFeatures
 from mapq.kernels.boosted_trees import contributions
 from mapq.labels import LABEL_TOLERANCE, SUSPICIOUS
@@ -88,10 +88,11 @@ def _tree_blocks(columns: Columns, inputs: Inputs, model: Model) -> Iterator[_Bl
     """Yield what each column adds to the evidence of the trees; a column of a pair belongs to its other patch."""
     assert model.potential is not None
     added = contributions(model.potential.trees, columns.values)
-    whole = evidence_of(columns, model.potential)
+    by_trees = model.potential.base + added.sum(axis=1)
+    whole = decided(columns, by_trees)
     # What a disagreement that is surely above the tolerance decides beyond the trees is its lower bound's.
     if LOW_RATIO in columns.names:
-        added[:, columns.names.index(LOW_RATIO)] += whole - model.potential.base - added.sum(axis=1)
+        added[:, columns.names.index(LOW_RATIO)] += whole - by_trees
     # Evidence beyond its bound is cut; its parts shrink with it.
     kept = np.divide(inputs.node[:, 0], whole, out=np.ones(len(whole)), where=whole != 0.0)
     weight = 2.0 * model.weights[1] * kept

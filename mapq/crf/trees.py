@@ -78,8 +78,12 @@ def with_evidence(
 
 def evidence_of(columns: Columns, potential: Potential) -> Floats:
     """Return the log-odds (m,) of the trees, and at least `DECISIVE` where scans are surely farther apart."""
-    evidence = potential.log_odds(columns)
-    if LOW_RATIO not in potential.names:
+    return decided(columns.take(potential.names), potential.log_odds(columns))
+
+
+def decided(columns: Columns, evidence: Floats) -> Floats:
+    """Return evidence (m,), at least `DECISIVE` where columns say that scans are surely farther apart."""
+    if LOW_RATIO not in columns.names:
         return evidence
     low = columns.values[:, columns.names.index(LOW_RATIO)]
     return np.where(low > 1.0, np.maximum(evidence, DECISIVE), evidence)

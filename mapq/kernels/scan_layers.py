@@ -141,6 +141,20 @@ def points_over(
 
 
 @part
+def moved_over(
+    nearby: Nearby, sheets: Sheets, planes: Planes, motions: Motions, over: Over, i: int, n_places: int
+) -> int:
+    """Write the points over patch i of the scans of its window, moved by their motions; how many."""
+    begin, end = motions.first[motions.owner[i]], motions.first[motions.owner[i] + 1]
+    for entry in range(begin, end):
+        over.entry[motions.moment[entry]] = entry
+    n = points_over(nearby, sheets, planes, motions, over, i, FARTHEST_SEEN, n_places)
+    for scan in motions.moment[begin:end]:
+        over.entry[scan] = EMPTY
+    return n
+
+
+@part
 def sort_by_cell(nearby: Nearby, over: Over, n: int, spacing: float) -> Ints:
     """Order of the n points by cell and moment; their keys are written."""
     side, spot = min(max(CELL_SPACINGS * spacing, SMALLEST_CELL), LARGEST_CELL), over.spot
@@ -270,12 +284,8 @@ def find_sightings(
     over, held = scratch_over(nearby, EMPTY), np.zeros(len(nearby.points) + 2)
     out, n_out = np.empty((1024, 9)), 0
     for i in range(len(start) - 1):
-        window = motions.owner[i]
-        scans = motions.moment[motions.first[window] : motions.first[window + 1]]
-        for at in range(len(scans)):
-            over.entry[scans[at]] = motions.first[window] + at
         n_places = voxels_about(nearby, points, start[i], start[i + 1], i, over.marks, over.places)
-        n = points_over(nearby, sheets, planes, motions, over, i, FARTHEST_SEEN, n_places)
+        n = moved_over(nearby, sheets, planes, motions, over, i, n_places)
         order = sort_by_cell(nearby, over, n, spacing[i])
         begin = 0
         while begin < n:
@@ -292,8 +302,6 @@ def find_sightings(
                 n_out = write_sightings(nearby, over, order[begin:end], base, width, held, out, n_out)
                 out[first:n_out, 0] = i
             begin = end
-        for scan in scans:
-            over.entry[scan] = EMPTY
     return out[:n_out].copy()
 
 

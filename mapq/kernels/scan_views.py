@@ -9,14 +9,13 @@ from mapq.kernels._jit import Bools, Floats, Ints, jit, part
 from mapq.kernels.order_statistics import quantile
 from mapq.kernels.planes import Planes, dot
 from mapq.kernels.scan_layers import (
-    FARTHEST_SEEN,
     FEWEST,
     NEAR_WIDTHS,
     SCANS,
     Motions,
     Over,
     grown,
-    points_over,
+    moved_over,
     scratch_over,
     sort_by_cell,
 )
@@ -119,12 +118,9 @@ def find_views(
     sums, several = np.zeros((len(over.entry), 6)), np.zeros(len(start) - 1)
     out, n_out = np.empty((1024, 8)), 0
     for i in range(len(start) - 1):
-        window = motions.owner[i]
-        scans = motions.moment[motions.first[window] : motions.first[window + 1]]
-        for at in range(len(scans)):
-            over.entry[scans[at]] = motions.first[window] + at
+        scans = motions.moment[motions.first[motions.owner[i]] : motions.first[motions.owner[i] + 1]]
         n_places = voxels_about(nearby, points, start[i], start[i + 1], i, over.marks, over.places)
-        n = points_over(nearby, sheets, planes, motions, over, i, FARTHEST_SEEN, n_places)
+        n = moved_over(nearby, sheets, planes, motions, over, i, n_places)
         order = sort_by_cell(nearby, over, n, spacing[i])
         level_cells(nearby, over, i, n, order, held)
         add_views(nearby, planes, over, i, n, near, sums)
@@ -138,7 +134,6 @@ def find_views(
                 out[n_out, 6] -= out[n_out, 5] ** 2
                 n_out += 1
             sums[scan] = 0.0
-            over.entry[scan] = EMPTY
     return out[:n_out].copy(), several
 
 

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-from benchmarks import causes, real_data, real_methods, real_pairs
+from benchmarks import causes, real_methods, real_pairs
 from benchmarks.drawn_labels import draw_labels
 from benchmarks.entropies import entropies
 from benchmarks.map_metrics import map_metrics
@@ -22,13 +20,6 @@ from mapq.simulate import simulate
 from tests.mapq.factories import make_patches, wall
 from tests.mapq.labelled import draw_patches
 from tests.mapq.perturb.scenes import pose_at
-
-
-def test_the_disagreement_of_a_patch_is_the_median_of_what_is_known():
-    patches = make_patches([np.zeros((4, 3)), np.ones((3, 3)), np.ones((2, 3))], np.eye(3), loose=1)
-    metres = np.array([0.1, 0.2, 0.3, np.nan, np.nan, np.nan, 0.5, 0.7, 0.9, 4.0])
-    patches = replace(patches, cloud=patches.cloud.with_fields(disagreement=metres))
-    np.testing.assert_allclose(real_data.disagreement_of(patches), [0.2, np.nan, 0.8])
 
 
 def test_errors_of_a_pair_have_the_given_size():

@@ -92,6 +92,14 @@ def test_metres_apart_are_labels_at_every_tolerance():
     assert by_hand.label_at(0.3).tolist() == [1, 1, 1]
 
 
+def test_labels_that_are_given_leave_no_metres_behind():
+    labelled, _ = label_from_field(patches_with(METRES), "truth", "f")
+    assert labelled.labelled([0, 1, UNLABELLED]).label_at(0.3).tolist() == [0, 1, UNLABELLED]
+    surely, _ = label_from_field(patches_with(METRES), "truth", "f", conservative=True)
+    assert surely.apart is None
+    assert surely.label_at(0.3).tolist() == [1, 1, 1]
+
+
 def test_labels_without_metres_hold_on_one_side_of_their_tolerance():
     labelled, _ = label_from_field(replace(patches_with(TRUTH), label_tolerance=0.2), "truth", "f")
     assert labelled.apart is None
