@@ -76,6 +76,9 @@ class Reasons:
     def __init__(self, features: PatchFeatures, terms: Terms) -> None:
         self._features, self._terms = features, terms
         self._starts = terms.starts(len(features.node))
+        # Where scans are not known that is so of all patches: no reason for one of them.
+        names = features.node_names
+        self._knows_scans = "n_scans" in names and bool(np.isfinite(features.node[:, names.index("n_scans")]).any())
         self._keys = features.pairs[:, 0].astype(np.int64) * len(features.node) + features.pairs[:, 1]
 
     def of(self, patch: int, sign: float, n_most: int) -> list[Reason]:
@@ -102,7 +105,8 @@ class Reasons:
             elif name not in (BASE, TOLERANCE):
                 yield self._of_node(patch, name, value, gain)
         for name, gain in groups.items():
-            yield self._of_group(patch, name, gain)
+            if name != "disagreement" or self._knows_scans:
+                yield self._of_group(patch, name, gain)
         for other, gain in pairs.items():
             yield self._of_pair(patch, other, gain)
 
@@ -132,7 +136,7 @@ def group_words(group: str, values: dict[str, float]) -> str:
     """Return the reason that several node features of a patch give together, given all of its node features by name."""
     if group == "disagreement":
         if not np.isfinite(values["disagreement"]):
-            return "one scan alone saw it" if values["n_scans"] == 1.0 else "no two scans are known to have seen it"
+            return "one scan alone saw it" if values["n_scans"] == 1.0 else "no scan has ten points on it"
         if values["disagreement"] <= AGREE:
             return f"{values['n_scans']:.0f} scans that see it agree within {AGREE} m"
         low, metres, high = (values[name] for name in ("disagreement_low", "disagreement", "disagreement_high"))

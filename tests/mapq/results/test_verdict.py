@@ -84,3 +84,11 @@ def test_a_map_fails_by_the_median_of_what_scans_disagree_by(result, fail_apart,
 def test_a_limit_that_is_no_length_is_refused(result, fail_apart):
     with pytest.raises(ArgumentError, match="must be metres above 0"):
         result.verdict(fail_apart=fail_apart)
+
+
+def test_that_nobody_knows_the_scans_is_no_reason():
+    alone = assess(draw_patches(1))
+    assert alone.model.potential is not None
+    texts = [reason.text for patch in range(len(alone.patches)) for reason in alone.reasons(patch, 20)]
+    assert texts
+    assert not any("scan" in text for text in texts)
