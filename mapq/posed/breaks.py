@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mapq.posed.check_poses import WRONG, CheckedPoses
+from mapq.posed.check_scans import LEVER
 from mapq.posed.register import Floats, Ints
 from mapq.posed.solve import twists
 
@@ -14,8 +15,6 @@ AROUND = 2
 """Scans before and after each of which the most central motion is what it would have without an error of its own."""
 OFF = 0.1
 """Metres off that, or off the next scan, from which a scan is off by itself, or the motions jump."""
-LEVER = 10.0
-"""Metres off a scan at which its turns count as shifts."""
 ABRUPT = 4.0
 """Of the median change from scan to scan: a larger one is a jump."""
 MANY = 1 / 3
