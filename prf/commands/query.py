@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
 logger = logging.getLogger(__name__)
 
+SQUARE = 0.2
+"""Side in metres of the squares that beams are asked to end in, where none is given: a point is met by none."""
 MAX_RHAT = 1.1
 """Above it a warning reports that the chains disagree on the answer."""
 
@@ -49,9 +51,11 @@ def query(
 ) -> None:
     """Query how probably points, squares or a path are occupied or free.
 
-    With --points: CSV rows x,y,p_occupied,low,high,seen in the order of the input. p_occupied is the share of draws
-    that are black at the point, or in which the square is not completely white, and nan outside the window; seen is 1
-    where a reading crossed the cell of the image that holds the point, or ended in it. With --path: p_free, the share
+    With --points: CSV rows x,y,p_occupied,low,high,seen,p_return in the order of the input. p_occupied is the share of
+    draws that are black at the point, or in which the square is not completely white, and nan outside the window; seen
+    is 1 where a reading crossed the cell of the image that holds the point, or ended in it; p_return is the probability
+    that a beam which reaches the square (0.2 m without --square) ends in it, at a wall or at what no wall explains.
+    With --path: p_free, the share
     of draws in which a disc can follow the whole path, nan if the path leaves the window; what the disc alone covers
     beyond it is taken as free. low and high bound the probability at 95 % for the Monte Carlo error alone, from ESS
     and R-hat of the very question. A GRID has no such error, and answers for its cells, taken as independent: that
@@ -68,7 +72,7 @@ def query(
         raise UsageError("--path and --radius METRES go together.")
     if path is not None and square is not None:
         raise UsageError("--square goes with --points.")
-    source = read_grid(run) if is_grid(run) else read_run(run, parts=(names.POSTERIOR,))
+    source = read_grid(run) if is_grid(run) else read_run(run, parts=(names.POSTERIOR, names.READINGS, names.POSES))
     if points is not None:
         _answer_points(source, points, square or 0.0, json)
     elif path is not None and radius is not None:
@@ -87,12 +91,15 @@ def _answer_points(source: Run | OccupancyGrid, points: str, square: float, json
         p = occupancy.occupied_probability(source, xy, square).tolist()
         n_draws, seen = None, source.image().seen_at(xy)
         columns |= {"p_occupied": p, "low": p, "high": p}
+        returned = occupancy.occupied_probability(source, xy, square or SQUARE)
     else:
         n_draws, found = len(source.draws), source.query(xy, square, interval=True)
         seen, errors = found.seen, {"ess": found.ess.tolist(), "rhat": found.rhat.tolist()} if json else {}
         bounds = {"low": found.low.tolist(), "high": found.high.tolist()}
         columns |= {"p_occupied": found.probability.tolist(), **bounds, **errors}
+        returned = source.return_probability(xy, square or SQUARE)
     columns["seen"] = (seen if json else seen.astype(int)).tolist()
+    columns["p_return"] = returned.tolist()
     rows = zip(*columns.values(), strict=True)
     if json:
         content = [dict(zip(columns, row, strict=True)) for row in rows]

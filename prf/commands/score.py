@@ -79,11 +79,12 @@ def score(
     """Score how well a map predicts held-out readings.
 
     Laser beams with a return are scored one by one: by the density that the map gives each (beam_nll, nats), by squares
-    round points known to be occupied or free (auc, nll, brier), and by the distance to the first obstacle (within_0.2m,
-    rmse in metres). Sonar readings are scored by their density, or the probability of no return (sonar_nll, nats).
-    Cells of a true plan give iou_occupied and iou_free. Held-out readings are a log of their own, or scans that the map
-    was not made from: --skip-scans 5::10 there, --scans 5::10 here. With --pose-noise the poses of held-out scans are
-    integrated out, on any kind of map. -v prints all figures, --json too.
+    round points known to be occupied or free (auc, nll, brier; of a RUN by the probability that a beam ends there), and
+    by the distance to the first obstacle (within_0.2m, rmse in metres). Sonar readings are scored by their density, or
+    the probability of no return (sonar_nll, nats). Cells of a true plan give iou_occupied and iou_free. Held-out
+    readings are a log of their own, or scans that the map was not made from: --skip-scans 5::10 there, --scans 5::10
+    here. With --pose-noise the poses of held-out scans are integrated out, on any kind of map. -v prints all figures,
+    --json too.
     """
     from prf.results.score import hold_out, hold_out_sonar, open_map, read_occupied_area, true_cells
     from prf.results.score import score as score_map

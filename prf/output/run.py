@@ -6,6 +6,7 @@ import dataclasses
 import io
 import os
 from collections.abc import Collection, Sequence
+from functools import cached_property
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Literal, TypeVar, overload
 
@@ -33,6 +34,8 @@ from prf.shell.cli.pictures import card
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+    from prf.results.score.returns import Returns
 
 Part = TypeVar("Part")
 
@@ -93,6 +96,36 @@ class Run(RunData):
             return occupied_probability(self.draws, xy, square)
         found = occupied_estimates(self.draws, self.chain, xy, square, self.smallest_ess)
         return PointEstimates(*found, self._image.seen_at(xy))
+
+    def return_probability(self, points: ArrayLike, square: float = 0.2) -> NDArray[np.float64]:
+        """Return how probably a beam that reaches the square round each point ends in it.
+
+        What a robot's sensor will meet: a wall, with the errors of poses and readings, or what no wall explains, as
+        often as the run's own readings met it there (docs/scores.md). Without a laser, of which this is not known, it
+        is the answer of :meth:`query`.
+
+        Parameters
+        ----------
+        points : (n, 2) array
+            Metres.
+        square : float
+            Side of the square, metres.
+
+        Returns
+        -------
+        (n,) float64
+            nan outside the window.
+
+        Raises
+        ------
+        ArgumentError
+            If the points are not an (n, 2) array of finite numbers.
+        InputError
+            If there are no draws yet.
+        """
+        from prf.results.score.returns import return_probability  # noqa: PLC0415 - scores are not for every run
+
+        return return_probability(self.draws, self._returns, checked("points", points, (None, 2)), square)
 
     @overload
     def paths(
@@ -207,6 +240,12 @@ class Run(RunData):
             If the run has no image yet.
         """
         return plot_posterior(self, ax)
+
+    @cached_property
+    def _returns(self) -> Returns | None:
+        from prf.results.score.returns import returns_of_run  # noqa: PLC0415 - likewise
+
+        return returns_of_run(self)
 
     @property
     def _image(self) -> PosteriorImage:

@@ -24,7 +24,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def rows(text: str) -> np.ndarray:
     header, *lines = text.splitlines()
-    assert header == "x,y,p_occupied,low,high,seen"
+    assert header == "x,y,p_occupied,low,high,seen,p_return"
     return np.array([[float(field) for field in line.split(",")] for line in lines])
 
 
@@ -42,6 +42,8 @@ def test_points_in_input_order(folder: Path, tmp_path: Path, capsys: pytest.Capt
     assert not inside.all()
     assert (answered[inside, 3] <= answered[inside, 2]).all()
     assert (answered[inside, 2] <= answered[inside, 4]).all()
+    returned = read_run(folder).return_probability(xy, square or 0.2)
+    np.testing.assert_array_equal(answered[:, 6], returned)
     seen = read_run(folder).image.seen_at(xy)
     np.testing.assert_array_equal(answered[:, 5], seen)
     assert not seen[~inside].any()
@@ -68,7 +70,7 @@ def test_json_has_null_for_the_outside(folder: Path, tmp_path: Path, capsys: pyt
     assert prf("query", folder, "--points", tmp_path / "points.csv", "--json") == 0
     answer = json.loads(capsys.readouterr().out)
     assert (answer["schema"], answer["n_draws"]) == ("prf.query.points/1", 48)
-    unknown = dict.fromkeys(("p_occupied", "low", "high", "ess", "rhat"))
+    unknown = dict.fromkeys(("p_occupied", "low", "high", "ess", "rhat", "p_return"))
     assert answer["points"][1] == {"x": 999.0, "y": 0.0, **unknown, "seen": False}
 
 

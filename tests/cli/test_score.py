@@ -176,11 +176,12 @@ def test_query_takes_a_grid(office: Path, points: Path, capsys: pytest.CaptureFi
     grid, xy = read_grid(office), [[5.0, 7.0], [6.0, 7.0]]
     assert prf("query", office, "--points", points, "--square", 0.2) == 0
     header, *rows = capsys.readouterr().out.splitlines()
-    assert header == "x,y,p_occupied,low,high,seen"
+    assert header == "x,y,p_occupied,low,high,seen,p_return"
     answered = np.array([[float(field) for field in row.split(",")] for row in rows])
     for column in (2, 3, 4):
         assert answered[:, column].tolist() == occupied_probability(grid, xy, 0.2).tolist()
     np.testing.assert_array_equal(answered[:, 5], grid.image().seen_at(np.array(xy)))
+    assert answered[:, 6].tolist() == answered[:, 2].tolist()
     assert prf("query", office, "--points", points, "--json") == 0
     assert json.loads(capsys.readouterr().out)["n_draws"] is None
     assert prf("query", office, "--path", points, "--radius", 0.3) == 0

@@ -24,6 +24,7 @@ from prf.results.geojson import OccupiedArea, area_of_cells, read_occupied_area
 from prf.results.occupancy import OccupancyGrid, is_grid, read_grid
 from prf.results.occupancy import occupied_probability as cells_occupied
 from prf.results.score.heldout import HeldOut, HeldOutSonar
+from prf.results.score.returns import Returns, return_probability, returns_of_run
 from prf.results.score.scene import enclosing_window, first_edges, outline, scene_of_coloring, scene_of_region
 from prf.shell.errors import InputError
 
@@ -119,17 +120,25 @@ class PolygonalMaps(ABC):
 class DrawsMap(PolygonalMaps):
     """The draws of a RUN, every one a possible map, and its best map.
 
-    `draws`: at least one. `image`: holds which cells readings saw; None: not known.
+    `draws`: at least one. `image`: holds which cells readings saw; None: not known. `returns`: likewise what beams met
+    beside walls.
     """
 
     kind = "run"
 
-    def __init__(self, draws: Draws, best: Coloring | None, image: PosteriorImage | None = None) -> None:
+    def __init__(
+        self,
+        draws: Draws,
+        best: Coloring | None,
+        image: PosteriorImage | None = None,
+        returns: Returns | None = None,
+    ) -> None:
         if len(draws) == 0:
             raise InputError("no draws yet: nothing can be scored. Resume with prf sample --resume.")
         self.draws = draws
         self.best = best
         self.image = image
+        self.returns = returns
         self.window: Window = draws.window
         self.n_draws = len(draws)
 
@@ -164,6 +173,10 @@ class DrawsMap(PolygonalMaps):
     def occupied(self, xy: Floats, square: float) -> Floats:
         """Return the share of draws in which the square round each point is not completely white."""
         return estimate.occupied_probability(self.draws, xy, square)
+
+    def returned(self, xy: Floats, square: float) -> Floats:
+        """Return the probability that a beam that reaches the square round each point ends in it."""
+        return return_probability(self.draws, self.returns, xy, square)
 
     def seen(self, xy: Floats) -> Bools | None:
         """Return which points lie in cells of the image that a reading crossed or ended in."""
@@ -273,6 +286,6 @@ def contours_of(grid: OccupancyGrid) -> BaseGeometry:
 def open_map(path: str | os.PathLike[str]) -> ScoredMap:
     """Return the map at `path`: a RUN directory, a GRID file, or else GeoJSON."""
     if Path(path).is_dir():
-        run = read_run_data(path, parts=(names.MAP, names.POSTERIOR))
-        return DrawsMap(run.draws, run.best, run.image)
+        run = read_run_data(path, parts=(names.MAP, names.POSTERIOR, names.READINGS, names.POSES))
+        return DrawsMap(run.draws, run.best, run.image, returns_of_run(run))
     return GridMap(read_grid(path)) if is_grid(path) else PolygonMap(read_occupied_area(path))

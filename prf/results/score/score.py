@@ -20,7 +20,7 @@ from prf.model.sensors import LARGEST_RANGE
 from prf.model.window import Window
 from prf.results.geojson import OccupiedArea
 from prf.results.score.heldout import CLIP, OUTSIDE, SQUARE, HeldOut, HeldOutSonar
-from prf.results.score.maps import ScoredMap
+from prf.results.score.maps import DrawsMap, ScoredMap
 from prf.results.score.poses import MOST_MAPS, marginalise
 from prf.results.score.scene import first_edges, outline
 from prf.shell.cli.storage import spawn_generators
@@ -32,6 +32,9 @@ Bools = NDArray[np.bool_]
 NEAR = 0.2  # metres within which a distance counts as right
 FREE_UP_TO = 0.95  # share of a beam on which free points lie
 METRES_PER_FREE_POINT = 2.0
+POINT_SCORES = ("auc", "nll", "brier")
+SQUARE_OF_WEIGHTS = 0.2
+"""Metres of a beam for which a free point counts as one: a beam passes so many squares and ends in one."""
 
 
 class LabelledPoints(NamedTuple):
@@ -39,6 +42,7 @@ class LabelledPoints(NamedTuple):
 
     xy: Floats  # (n, 2) metres
     occupied: Bools  # (n,)
+    weight: Floats | None = None  # (n,) of each point; None: all alike
 
 
 def score(
@@ -111,10 +115,11 @@ def _marginal_scores(scored: ScoredMap, beams: HeldOut, seed: int, square: float
     probability = np.zeros(len(points[0].occupied))
     for one, at in zip(maps, points, strict=True):
         probability += np.nan_to_num(one.occupied(at.xy, square), nan=OUTSIDE) / len(maps)
-    middle = np.mean([at.xy for at in points], axis=0)
+    middle = points[0]._replace(xy=np.mean([at.xy for at in points], axis=0))
+    returned = scored.returned(middle.xy, square) if isinstance(scored, DrawsMap) else None
     return {
         "beam_nll": beam_nll,
-        **_point_scores(probability, points[0].occupied, scored.seen(middle)),
+        **_point_scores(probability, returned, middle, scored.seen(middle.xy)),
         **distance_scores(distance, beams),
         "sensor_occupied": float(np.mean(shares)),
         "n_points": len(probability),
@@ -142,16 +147,34 @@ def sonar_scores(scored: ScoredMap, cones: HeldOutSonar, n_outside: int) -> dict
 
 
 def point_scores(scored: ScoredMap, points: LabelledPoints, square: float) -> dict[str, float]:
-    """Return ``auc``, ``nll``, ``brier`` of all points, and of those that some reading of the map's log saw."""
-    return _point_scores(scored.occupied(points.xy, square), points.occupied, scored.seen(points.xy))
+    """Return ``auc``, ``nll``, ``brier`` of all points, and of those that some reading of the map's log saw.
+
+    Of a RUN they are of the probability that a beam ends there, and ``*_map`` of the share of draws that are occupied.
+    """
+    returned = scored.returned(points.xy, square) if isinstance(scored, DrawsMap) else None
+    return _point_scores(scored.occupied(points.xy, square), returned, points, scored.seen(points.xy))
 
 
-def _point_scores(probability: Floats, occupied: Bools, seen: Bools | None) -> dict[str, float]:
-    found = classification_scores(probability, occupied)
+def _point_scores(
+    occupied: Floats, returned: Floats | None, points: LabelledPoints, seen: Bools | None
+) -> dict[str, float]:
+    """Return the scores of the probabilities (n,) that points are occupied, or rather that beams end there."""
+    probability = occupied if returned is None else returned
+    weight = np.ones(len(probability)) if points.weight is None else points.weight
+    found = _with_unweighted(probability, points.occupied, weight, "")
+    if returned is not None:
+        found |= _with_unweighted(occupied, points.occupied, weight, "_map")
     if seen is None:
-        return {**found, **dict.fromkeys(("share_unseen", *(f"{name}_seen" for name in found)), math.nan)}
-    known = classification_scores(probability[seen], occupied[seen])
+        return {**found, **dict.fromkeys(("share_unseen", *(f"{name}_seen" for name in POINT_SCORES)), math.nan)}
+    known = classification_scores(probability[seen], points.occupied[seen], weight[seen])
     return {**found, "share_unseen": float(np.mean(~seen)), **{f"{name}_seen": v for name, v in known.items()}}
+
+
+def _with_unweighted(probability: Floats, occupied: Bools, weight: Floats, of: str) -> dict[str, float]:
+    """Return the scores of probabilities (n,), weighted and not; `of` is added to their names."""
+    weighted, plain = (classification_scores(probability, occupied, each) for each in (weight, None))
+    found = {f"{name}{of}": value for name, value in weighted.items()}
+    return found | {f"{name}{of}_unweighted": value for name, value in plain.items()}
 
 
 def distance_scores(distance: Floats, beams: HeldOut) -> dict[str, float]:
@@ -178,41 +201,49 @@ def _known(scored: ScoredMap, origin: Floats) -> NDArray[np.bool_]:
 
 
 def draw_points(beams: HeldOut, rng: np.random.Generator) -> LabelledPoints:
-    """Return one occupied point at each return r, and int(r / 2) free points uniform on [0, 0.95 r] of its beam."""
+    """Return one occupied point at each return r, and int(r / 2) free points uniform on [0, 0.95 r] of its beam.
+
+    The free points of a beam weigh together as much as it passes squares of 0.2 m there.
+    """
     n_free = (beams.range / METRES_PER_FREE_POINT).astype(np.int64)
     beam = np.repeat(np.arange(len(n_free)), n_free)
     along = rng.random(len(beam)) * FREE_UP_TO * beams.range[beam]
     free = beams.origin[beam] + along[:, None] * beams.direction[beam]
     occupied = np.arange(len(n_free) + len(beam)) < len(n_free)
-    return LabelledPoints(np.concatenate([beams.returns(), free]), occupied)
+    weight = FREE_UP_TO * beams.range[beam] / (SQUARE_OF_WEIGHTS * n_free[beam])
+    xy = np.concatenate([beams.returns(), free])
+    return LabelledPoints(xy, occupied, np.concatenate([np.ones(len(n_free)), weight]))
 
 
-def classification_scores(probability: Floats, occupied: NDArray[np.bool_]) -> dict[str, float]:
-    """Return ``auc``, ``nll`` (nats, mean) and ``brier`` (mean) of probabilities (n,) against states (n,)."""
+def classification_scores(probability: Floats, occupied: Bools, weight: Floats | None = None) -> dict[str, float]:
+    """Return ``auc``, ``nll`` (nats, mean) and ``brier`` (mean) of probabilities (n,) against states (n,).
+
+    `weight` (n,): of each; None: all alike.
+    """
     if len(occupied) == 0:
-        return dict.fromkeys(("auc", "nll", "brier"), math.nan)
+        return dict.fromkeys(POINT_SCORES, math.nan)
     known = np.where(np.isnan(probability), OUTSIDE, probability)
     clipped = np.clip(known, CLIP, 1.0 - CLIP)
     return {
-        "auc": ranking_area(known, occupied),
-        "nll": float(-np.log(np.where(occupied, clipped, 1.0 - clipped)).mean()),
-        "brier": float(((known - occupied) ** 2).mean()),
+        "auc": ranking_area(known, occupied, weight),
+        "nll": float(np.average(-np.log(np.where(occupied, clipped, 1.0 - clipped)), weights=weight)),
+        "brier": float(np.average((known - occupied) ** 2, weights=weight)),
     }
 
 
-def ranking_area(values: Floats, positive: NDArray[np.bool_]) -> float:
+def ranking_area(values: Floats, positive: Bools, weight: Floats | None = None) -> float:
     """Return the area under the ROC curve: how often a positive outranks a negative, a tie counting half.
 
-    `values` (n,). `positive` (n,). Returns: nan if one of the two kinds is absent.
+    `values` (n,). `positive` (n,). `weight` (n,): of each; None: all alike. Returns: nan if one of the two kinds is
+    absent.
     """
-    n_positive = int(np.count_nonzero(positive))
-    n_negative = len(positive) - n_positive
-    if n_positive == 0 or n_negative == 0:
+    weight = np.ones(len(values)) if weight is None else weight
+    if positive.all() or not positive.any():
         return float("nan")
-    _, place, counts = np.unique(values, return_inverse=True, return_counts=True)
-    middle_rank = np.cumsum(counts) - 0.5 * (counts - 1)
-    rank_sum = float(middle_rank[place.reshape(-1)[positive]].sum())
-    return (rank_sum - 0.5 * n_positive * (n_positive + 1)) / (n_positive * n_negative)
+    _, place = np.unique(values, return_inverse=True)
+    place = place.reshape(-1)
+    above, below = np.bincount(place, weight * positive), np.bincount(place, weight * ~positive)
+    return float(above @ (np.cumsum(below) - 0.5 * below) / (above.sum() * below.sum()))
 
 
 CELL = 0.1  # side of the cells in metres

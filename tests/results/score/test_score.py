@@ -29,8 +29,10 @@ from prf.results.score import (
     ranking_area,
     score,
 )
+from prf.results.score.returns import Returns
 from prf.results.score.scene import first_edges
 from prf.results.score.score import point_scores
+from prf.shell.cli.storage import spawn_generators
 from prf.shell.errors import ConfigError, InputError
 from tests.factories import WINDOW, random_draws, score_settings
 from tests.reference.beams import impacts
@@ -234,6 +236,31 @@ class TestPoints:
             assert ranking_area(values, positive) == pytest.approx(pair_count_area(values, positive))
         assert math.isnan(ranking_area(values, np.ones(40, np.bool_)))
 
+    def test_a_weight_is_as_good_as_so_many_points(self) -> None:
+        rng = np.random.default_rng(3)
+        p, occupied, times = rng.integers(0, 5, 50) / 5.0, rng.random(50) < 0.4, rng.integers(1, 4, 50)
+        found = classification_scores(p, occupied, times.astype(float))
+        repeated = classification_scores(np.repeat(p, times), np.repeat(occupied, times))
+        assert found == {name: pytest.approx(value) for name, value in repeated.items()}
+        assert found["auc"] != pytest.approx(classification_scores(p, occupied)["auc"])
+
+    def test_free_points_weigh_as_much_as_their_beam_passes_squares(self) -> None:
+        beams = held([[2.0, 5.0], [2.0, 5.0]], [0.0, 0.1], [5.0, 1.5])
+        points = draw_points(beams, np.random.default_rng(1))
+        np.testing.assert_allclose(points.weight, [1.0, 1.0, *[0.95 * 5.0 / (0.2 * 2)] * 2])
+
+    def test_a_run_is_asked_where_beams_end_and_where_it_is_black(self) -> None:
+        coloring = from_polygons(WALL, ROOM)
+        returns = Returns(0.1, 0.9, np.full((60, 60), 0.05), np.zeros(2))
+        scored = DrawsMap(Draws.from_colorings([coloring]), coloring, returns=returns)
+        beams = held([[2.0, 5.0], [2.0, 5.0]], [0.0, 0.1], [4.85, 1.5])
+        found = score(scored, beams, 1)
+        points = draw_points(beams, spawn_generators(1, 1)[0])
+        for name, p in (("", scored.returned(points.xy, 0.2)), ("_map", scored.occupied(points.xy, 0.2))):
+            assert found[f"nll{name}"] == classification_scores(p, points.occupied, points.weight)["nll"]
+            assert found[f"nll{name}_unweighted"] == classification_scores(p, points.occupied)["nll"]
+        assert found["nll"] < found["nll_map"]
+
     def test_probabilities_are_clipped_for_the_logarithm_only(self) -> None:
         found = classification_scores(np.array([0.0, 1.0, np.nan]), np.array([True, False, True]))
         assert found["nll"] == pytest.approx(-(2.0 * math.log(0.001) + math.log(0.5)) / 3.0)
@@ -259,7 +286,9 @@ class TestPoints:
         scored, beams = GridMap(random_grid(1, (60, 80))), random_beams(1, WINDOW)
         points = draw_points(beams.select(WINDOW.contains(beams.origin)), np.random.default_rng(1))
         found = point_scores(scored, points, square)
-        assert found["brier"] == classification_scores(scored.occupied(points.xy, square), points.occupied)["brier"]
+        p = scored.occupied(points.xy, square)
+        assert found["brier"] == classification_scores(p, points.occupied, points.weight)["brier"]
+        assert found["brier_unweighted"] == classification_scores(p, points.occupied)["brier"]
         assert score(scored, beams, 1, square=square)["square"] == square
 
     def test_unseen_points_are_marked(self) -> None:
