@@ -1,4 +1,4 @@
-"""Why a suspicious patch is wrong: an edge of the graph, a scan, a loop that was not closed, or drift.
+"""Why a suspicious patch is wrong: an edge of the graph, a scan, a loop that was not closed, drift, or a moving thing.
 
 Where poses were checked, the motions that their scans ask for tell. Elsewhere the heights of points over the patch's
 plane do, analysed as nested groups: visits, scans within a visit, points within a scan (Searle, Casella and McCulloch
@@ -20,8 +20,8 @@ from mapq.posed.check_poses import CheckedPoses
 from mapq.results.visits import Visits
 
 MISSED_LOOP, LOCAL, UNKNOWN = "missed loop closure", "local mapping error", "unknown"
-WRONG_EDGE, WRONG_SCAN, DRIFT = "wrong edge", "wrong scan", "drift"
-CAUSES = (UNKNOWN, MISSED_LOOP, LOCAL, WRONG_EDGE, WRONG_SCAN, DRIFT)
+WRONG_EDGE, WRONG_SCAN, DRIFT, MOVED = "wrong edge", "wrong scan", "drift", "moving thing"
+CAUSES = (UNKNOWN, MISSED_LOOP, LOCAL, WRONG_EDGE, WRONG_SCAN, DRIFT, MOVED)
 """In the order of their codes in the point field `cause` of a result."""
 
 CELL = 1.0
@@ -158,6 +158,12 @@ def cause_of(spread: Spread, visits: Visits, apart: Floats) -> Cause:
     return Cause(MISSED_LOOP, f"seen again after {after}, it lies {metres:.2f} m{bounds} off", measures | named)
 
 
+def moved_by(spread: Spread) -> float:
+    """Return the metres from scan to scan that the points of a surface show; 0 unless they exceed those within one."""
+    between, within = (np.nan_to_num([*each]) for each in ((spread.visits, spread.scans), (spread.points,)))
+    return float(between.max()) if between.max() > np.sqrt(2.0) * within.max() else 0.0
+
+
 class _ScanMotions(NamedTuple):
     """What checked poses say of a map."""
 
@@ -186,14 +192,20 @@ class _ScanMotions(NamedTuple):
         if not len(scans):
             return Cause(UNKNOWN, "no scan is known to have seen it", {})
         one, other = sorted((int(scans[np.argmin(offset)]), int(scans[np.argmax(offset)])))
-        return self._named(one, other, self.breaks.split(one, other, at, normal))
+        return self._named(one, other, self.breaks.split(one, other, at, normal), moved_by(spread))
 
-    def _named(self, one: int, other: int, parts: Parts) -> Cause:
-        """Return the cause of the largest of the parts that put two scans apart."""
+    def _named(self, one: int, other: int, parts: Parts, moved: float) -> Cause:
+        """Return the cause of the largest of the parts that put two scans apart.
+
+        `moved`: metres by which the surface itself lies apart, from scan to scan.
+        """
         alone = int(np.argmax(np.abs(parts.alone)))
         by_scan, by_jump, by_drift = (abs(x) for x in (parts.alone[alone], parts.jump, parts.drift))
         metres = max(abs(parts.alone[1] - parts.alone[0] - parts.jump - parts.drift), by_scan)
         scan, measures = (one, other)[alone], {"between_scans": [one, other], "metres": metres}
+        if metres < CLEAR <= moved:
+            text = f"scans put it {moved:.2f} m apart, and their poses agree there within {metres:.2f} m"
+            return Cause(MOVED, text, measures | {"moved_m": moved})
         if metres < CLEAR:
             return Cause(UNKNOWN, f"the motions of scans {one} and {other} put it {metres:.2f} m apart only", measures)
         edge = self.breaks.edge_over(one, other)

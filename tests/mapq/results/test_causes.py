@@ -17,12 +17,14 @@ from mapq.results.causes import (
     DRIFT,
     LOCAL,
     MISSED_LOOP,
+    MOVED,
     UNKNOWN,
     WRONG_EDGE,
     WRONG_SCAN,
     Spread,
     cause_of,
     find_causes,
+    moved_by,
     nested_spread,
 )
 from mapq.results.result import assess
@@ -153,7 +155,7 @@ def test_a_cause_is_named_where_it_is_sure_that_scans_disagree(apart, kind, word
         (0.02 * np.arange(40), None, DRIFT),
         (0.02 * np.arange(40), (12, 13), WRONG_EDGE),
         (np.where(np.arange(40) == 5, 0.4, 0.0), (12, 13), WRONG_SCAN),
-        (np.zeros(40), None, UNKNOWN),
+        (np.zeros(40), None, MOVED),
     ],
 )
 def test_checked_poses_name_the_cause(shifts, edge, kind):
@@ -165,6 +167,16 @@ def test_checked_poses_name_the_cause(shifts, edge, kind):
     patches = wall_of_two_laps(0.4, 0.0)
     found = find_causes(patches, patch_features(patches), np.ones(2, bool), visits_of(patches.cloud), poses)
     assert {cause.kind for cause in found.values()} == {kind}
+
+
+def test_where_poses_agree_points_within_a_scan_do_not_make_a_thing_move():
+    motion, places = np.tile(np.eye(4), (40, 1, 1)), np.array([way_of(scan) for scan in range(40)])
+    patches = wall_of_two_laps(0.02, 0.0)
+    poses = CheckedPoses(edges=(), motion=motion, places=places)
+    found = find_causes(patches, patch_features(patches), np.ones(len(patches), bool), visits_of(patches.cloud), poses)
+    assert {cause.kind for cause in found.values()} == {UNKNOWN}
+    assert moved_by(Spread(0.3, 0.1, 0.25, 2, 4, None)) == 0.0
+    assert moved_by(Spread(np.nan, 0.4, np.nan, 1, 4, None)) == 0.4
 
 
 def test_neither_the_order_of_points_nor_the_sign_of_a_normal_matters():
