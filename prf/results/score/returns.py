@@ -38,6 +38,10 @@ MOST_DRAWS, N_PLACES = 256, 64
 NEAR = 0.2
 """Metres from a wall up to which a return may be of it, as `prf score` counts distances."""
 EM_ROUNDS = 8
+LEAST_SPREAD = 0.1
+"""Of the model's noise: readings of a simulation may have none."""
+MOST_BEAMS = 100_000
+"""Beams that are looked at; of more, every k-th."""
 CHORD = 0.25 * math.pi
 """Mean length of a beam in a cell or a square that it passes, in sides: that of a line in a random direction."""
 
@@ -87,7 +91,8 @@ def returns_of(draws: Draws, laser: Readings, model: LaserModel) -> Returns:
     `model`: of which the draws were made; without a return a reading is inf, or at or beyond `model.limit`.
     """
     window = draws.window
-    laser = laser.select(window.contains(laser.origin, strictly=True))
+    inside = np.flatnonzero(window.contains(laser.origin, strictly=True))
+    laser = laser.select(inside[:: 1 + len(inside) // MOST_BEAMS])
     direction = unit_vectors(laser.angle)
     reach = np.minimum(model.limit, window_exit(window, laser.origin, direction))
     rays = np.ascontiguousarray(np.column_stack([laser.origin, direction, reach]))
@@ -115,7 +120,8 @@ def _explained(model: LaserModel, off: Floats) -> tuple[float, Floats]:
         hit = np.exp(-0.5 * (off[near] / spread) ** 2) / (math.sqrt(2.0 * math.pi) * spread)
         share[near] = model.hit_probability * hit / (model.hit_probability * hit + outlier)
         if share.sum() > 0.0:
-            spread = math.sqrt(float(share[near] @ off[near] ** 2) / float(share.sum()))
+            found = math.sqrt(float(share[near] @ off[near] ** 2) / float(share.sum()))
+            spread = max(found, LEAST_SPREAD * model.noise)
     return spread, share
 
 

@@ -89,6 +89,11 @@ def test_without_a_laser_it_is_the_share_of_draws(draws: Draws) -> None:
     np.testing.assert_array_equal(return_probability(draws, None, xy, 0.2), occupied_probability(draws, xy, 0.2))
 
 
+def test_readings_without_noise_have_a_spread(draws: Draws) -> None:
+    exact = Readings.from_arrays(np.full((5, 2), 2.0), np.zeros(5), np.full(5, 5.0)).within(MODEL.limit)
+    assert returns_of(draws, exact, MODEL).spread == pytest.approx(0.1 * MODEL.noise)
+
+
 def test_a_run_without_a_return_has_a_usual_rate(draws: Draws) -> None:
     nothing = Readings.from_arrays(np.array([[1.0, 1.0]]), np.array([math.pi]), np.array([np.inf])).within(MODEL.limit)
     found = returns_of(draws, nothing, MODEL)
