@@ -205,7 +205,7 @@ def _advice(run: Run, folder: Path) -> str:
     """Return in words what to do about chains that do not agree; empty if there is none."""
     import shlex
 
-    from prf.results.convergence import time_words
+    from prf.results.convergence import range_words
 
     assert run.diagnostics is not None
     configuration, diagnostics = run.manifest["configuration"], run.diagnostics
@@ -213,7 +213,8 @@ def _advice(run: Run, folder: Path) -> str:
     is_tempered, waits = "tempering" in diagnostics, configuration.get("temperatures") == "auto"
     again = f"prf sample --resume {shlex.quote(str(folder))}"
     if seconds is not None:
-        return f"About {time_words(seconds)} more at this speed: {again} --time-budget {seconds:.0f}"
+        words = range_words(diagnostics["suggested_least"], seconds)
+        return f"{words[0].upper()}{words[1:]} more at this speed: {again} --time-budget {seconds:.0f}"
     if _is_short(diagnostics) or configuration["chains"] == 1:
         return f"Run longer, to agreement or for 30 minutes: {again}"
     if diagnostics["converged_seen"]:

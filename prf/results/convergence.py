@@ -28,6 +28,9 @@ STALLED = 0.75
 ROUND_NUMBERS = (1, 2, 3, 4, 5, 6, 8, 10, 15, 20, 30, 45)
 """Seconds in tens, minutes and hours that people give."""
 
+WIDEST_OUTLOOK = 4.0
+"""A time that may be more than so many times as long as it may be is not said."""
+
 TIME_UNITS = ((86400.0, "day"), (3600.0, "hour"), (60.0, "minute"), (1.0, "second"))
 
 Floats = NDArray[np.float64]
@@ -134,11 +137,12 @@ def verdict(diagnoses: Mapping[str, Diagnosis]) -> Verdict:
 
 def outlook(
     half: Mapping[str, Diagnosis], now: Mapping[str, Diagnosis], seconds: float, climbs: bool
-) -> tuple[Trend, float | None]:
+) -> tuple[Trend, tuple[float, float] | None]:
     """Return whether more time will bring agreement, from the diagnoses after half of the steps and now.
 
-    "agree", or the chains come nearer ("nearing") or do not ("flat"), or that is unknown ("unknown"); and how many more
-    seconds it needs, if they come nearer.
+    "agree", or the chains come nearer ("nearing") or do not ("flat"), or that is unknown ("unknown"); and between how
+    many more seconds it needs, if they come nearer. At best R-hat - 1 halves from now on each time the steps double, at
+    worst it goes on falling as it did since half of the steps. None where both are too far apart to be of use.
 
     `climbs`: whether the log posterior of all chains still rises.
     """
@@ -148,10 +152,16 @@ def outlook(
     if any(found.state in ("short", "not finite") for found in (*half.values(), *now.values())):
         return "unknown", None
     by_rhat = [name for name, found in failing.items() if not found.rhat < found.max_rhat]
-    if is_stalled(worst_rhat([half[name] for name in by_rhat]), worst_rhat([now[name] for name in by_rhat])):
+    before, after = (worst_rhat([each[name] for name in by_rhat]) for each in (half, now))
+    if is_stalled(before, after):
         return "unknown" if climbs else "flat", None
     factor = max(found.shortfall() for found in failing.values())
-    return ("nearing", rounded((factor - 1.0) * seconds)) if math.isfinite(factor) else ("unknown", None)
+    if not math.isfinite(factor):
+        return "unknown", None
+    fall = math.log2((before - 1.0) / (after - 1.0)) if after > 1.0 and math.isfinite(before) else 1.0
+    low, high = ((factor ** (1.0 / power) - 1.0) * seconds for power in (1.0, min(fall, 1.0)))
+    known = high <= WIDEST_OUTLOOK * low
+    return "nearing", (rounded(low), rounded(high)) if known else None
 
 
 def is_stalled(before: float, now: float) -> bool:
@@ -183,6 +193,12 @@ def time_words(seconds: float) -> str:
     """Return a time in words."""
     unit, name = next(((unit, name) for unit, name in TIME_UNITS if seconds >= unit), TIME_UNITS[-1])
     return f"{round(seconds / unit)} {name}{'s' if seconds > unit else ''}"
+
+
+def range_words(least: float, most: float) -> str:
+    """Return in words a time between two, in seconds."""
+    low, high = time_words(least), time_words(most)
+    return f"about {low}" if low == high else f"{low} to {high}"
 
 
 def effective_size(values: NDArray[Any]) -> Floats:

@@ -268,7 +268,8 @@ def diagnostics_of(
         "functionals": {name: each._asdict() for name, each in diagnoses.items()},
         "agreement": ground.document(),
         "trend": trend,
-        "suggested_seconds": suggested,
+        "suggested_least": None if suggested is None else suggested[0],
+        "suggested_seconds": None if suggested is None else suggested[1],
         "acceptance": {
             name: {"proposed": int(counts[c.PROPOSED]), "accepted": int(counts[c.ACCEPTED])}
             for name, counts in ensemble.named_outcomes().items()

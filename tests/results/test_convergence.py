@@ -14,6 +14,7 @@ from prf.results.convergence import (
     disagree,
     effective_size,
     outlook,
+    range_words,
     rounded,
     split_rhat,
     verdict,
@@ -177,7 +178,7 @@ def test_chains_disagree_that_do_not_come_nearer(before: float, now: float, expe
     assert not disagree(diagnoses(1.0), [*unseen, *diagnoses(1.0)])
 
 
-def pair(half: Diagnosis, now: Diagnosis, climbs: bool = False) -> tuple[str, float | None]:
+def pair(half: Diagnosis, now: Diagnosis, climbs: bool = False) -> tuple[str, tuple[float, float] | None]:
     return outlook({"f": half}, {"f": now}, 100.0, climbs)
 
 
@@ -187,17 +188,29 @@ def test_chains_that_agree_need_nothing() -> None:
 
 def test_ess_grows_with_the_steps() -> None:
     """A quarter of the draws that it takes: three times as long again."""
-    assert pair(Diagnosis(1.04, 12.0, "varies"), Diagnosis(1.02, 25.0, "varies")) == ("nearing", 300.0)
+    assert pair(Diagnosis(1.04, 12.0, "varies"), Diagnosis(1.02, 25.0, "varies")) == ("nearing", (300.0, 300.0))
 
 
 def test_rhat_falls_in_inverse_proportion() -> None:
     """Twice as far from 1 as it may be: as long again."""
-    assert pair(Diagnosis(1.2, 60.0, "varies"), Diagnosis(1.1, 120.0, "varies")) == ("nearing", 100.0)
+    assert pair(Diagnosis(1.2, 60.0, "varies"), Diagnosis(1.1, 120.0, "varies")) == ("nearing", (100.0, 100.0))
+
+
+def test_rhat_that_falls_more_slowly_may_go_on_so() -> None:
+    """At 0.7 times as far from 1 after twice the steps, half as far takes 2 ** 1.94 times the steps."""
+    assert pair(Diagnosis(1.0 + 0.1 / 0.7, 60.0, "varies"), Diagnosis(1.1, 120.0, "varies")) == (
+        "nearing",
+        (100.0, 300.0),
+    )
+
+
+def test_a_time_that_is_hardly_known_is_not_said() -> None:
+    assert pair(Diagnosis(2.0, 60.0, "varies"), Diagnosis(1.7, 80.0, "varies")) == ("nearing", None)
 
 
 def test_what_was_not_seen_has_a_bound_of_its_own() -> None:
     half, now = Diagnosis(1.8, 4.0, "varies", seen=False), Diagnosis(1.4, 8.0, "varies", seen=False)
-    assert pair(half, now) == ("nearing", 100.0)
+    assert pair(half, now) == ("nearing", (100.0, 100.0))
     assert pair(half, half) == ("flat", None)
 
 
@@ -213,6 +226,11 @@ def test_chains_that_climb_may_yet_come_nearer() -> None:
 def test_of_few_draws_nothing_is_known() -> None:
     short = Diagnosis(math.nan, math.nan, "short")
     assert pair(short, Diagnosis(1.5, 10.0, "varies")) == pair(short, short) == ("unknown", None)
+
+
+def test_a_range_is_said_with_both_ends() -> None:
+    assert range_words(600.0, 600.0) == "about 10 minutes"
+    assert range_words(1200.0, 3600.0) == "20 minutes to 1 hour"
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from prf.output.export.source import Map
 from prf.output.report.embedded import Numbers, fitting, pack_image, pack_scene, step_of
 from prf.readings import log_stem
 from prf.results import RunData, map_text, names
-from prf.results.convergence import Diagnosis, time_words
+from prf.results.convergence import Diagnosis, range_words, time_words
 from prf.shell.cli.files import encoded, open_output
 from prf.shell.cli.page import escape, packed_json, page, table
 from prf.shell.cli.pictures import counted, number, window_words
@@ -129,7 +129,8 @@ def _outlook(diagnosed: Mapping[str, Any]) -> str:
     if diagnosed.get("converged") is False and diagnosed.get("trend") == "flat":
         return "; more time alone will not help"
     seconds = diagnosed.get("suggested_seconds")
-    return f"; about {time_words(seconds)} more would bring agreement" if seconds else ""
+    least = diagnosed.get("suggested_least", seconds)
+    return f"; {range_words(least, seconds)} more would bring agreement" if seconds else ""
 
 
 def trajectory_line(run: RunData) -> str:
