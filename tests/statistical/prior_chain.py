@@ -21,7 +21,7 @@ from prf.model.arak import exact_draws
 from prf.model.coloring import Coloring, Draws
 from prf.model.layout import grow, make_targets, read_coloring
 from prf.model.window import Window
-from prf.sampler.target import Target, make_chain
+from prf.sampler.target import Execution, Target, Tuning, make_chain
 from tests.statistical.laws import law_scores
 
 UNIT = Window(0.0, 0.0, 1.0, 1.0)
@@ -65,7 +65,8 @@ if __name__ == "__main__":
     odds = {getattr(c, name): share for name, share in numbers.items() if name.isupper()}
     changes = {name: number for name, number in numbers.items() if name.islower()}
     n_targets = int(changes.pop("targets", 0))
-    target = Target(UNIT, **{"scale": 1.0, "cell": 0.2, **changes})
+    scale, execution = changes.pop("scale", 1.0), Execution(cell=changes.pop("cell", 0.2))
+    target = Target(UNIT, scale, tuning=Tuning(**changes), execution=execution)
     draws, outcomes = prior_draws(steps, seed, target, odds, n_targets)
     scores = law_scores(draws, target.scale, UNIT, batch=len(draws) // N_BATCHES)
     found = {

@@ -73,7 +73,8 @@ def assert_alike(found: Result, plain: Result) -> None:
         away[:, found.features.node_names.index("disagreement_high")] = 0.0
         (low, _, high), (begin, _, end) = found.features.disagreement[mine].T, plain.features.disagreement[theirs].T
         known = np.isfinite(high) & np.isfinite(end)
-        assert ((low <= end) & (begin <= high))[known].mean() > 0.98
+        # Without scans, times or passes nothing is known of either.
+        assert np.count_nonzero(~((low <= end) & (begin <= high))[known]) <= 0.02 * np.count_nonzero(known)
     assert np.quantile(away, 0.95, axis=0).max() < 0.05
     number = np.full(len(found.patches), -1)
     number[mine] = theirs
