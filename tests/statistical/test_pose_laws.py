@@ -37,7 +37,7 @@ LIMIT = 5.0
 def log_likelihood(world: PoseWorld, poses: Floats) -> Floats:
     """Log density of the readings at poses (k, n, 3), as the laser is written down; -inf where a sensor is in black."""
     model, laser = world.model, world.target.laser
-    assert isinstance(laser, LaserData)
+    assert laser is not None
     assert model.laser is not None
     total = np.zeros(len(poses))
     ends = world.coloring.segments().reshape(-1, 4)
