@@ -39,7 +39,7 @@ LEAST = 0.05
 CLEARLY = np.sqrt(2.0)
 """Factor by which visits must disagree more than scans of one visit, whose errors separate visits a little too."""
 CLEAR = 0.1
-"""Metres by which motions must part scans that see a patch."""
+"""Metres by which motions must part scans that see a patch, or else its own points must."""
 BESIDE = 2
 """Scans before and after those that see a patch, that may see it too."""
 FEWEST = 5

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
 
 logger = logging.getLogger(__name__)
 
-SQUARE = 0.2
-"""Side in metres of the squares that beams are asked to end in, where none is given: a point is met by none."""
 MAX_RHAT = 1.1
 """Above it a warning reports that the chains disagree on the answer."""
 
@@ -82,6 +80,7 @@ def query(
 def _answer_points(source: Run | OccupancyGrid, points: str, square: float, json: bool) -> None:
     from prf.readings.points import read_points
     from prf.results import occupancy
+    from prf.results.score.heldout import SQUARE
     from prf.shell.cli import console, storage
 
     xy = read_points(points)

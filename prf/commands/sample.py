@@ -214,7 +214,7 @@ def _advice(run: Run, folder: Path) -> str:
     again = f"prf sample --resume {shlex.quote(str(folder))}"
     if seconds is not None:
         words = range_words(diagnostics["suggested_least"], seconds)
-        return f"{words[0].upper()}{words[1:]} more at this speed: {again} --time-budget {seconds:.0f}"
+        return f"{words.capitalize()} more at this speed: {again} --time-budget {seconds:.0f}"
     if _is_short(diagnostics) or configuration["chains"] == 1:
         return f"Run longer, to agreement or for 30 minutes: {again}"
     if diagnostics["converged_seen"]:

@@ -83,8 +83,7 @@ def score(
     by the distance to the first obstacle (within_0.2m, rmse in metres). Sonar readings are scored by their density, or
     the probability of no return (sonar_nll, nats). Cells of a true plan give iou_occupied and iou_free. Held-out
     readings are a log of their own, or scans that the map was not made from: --skip-scans 5::10 there, --scans 5::10
-    here. With --pose-noise the poses of held-out scans are integrated out, on any kind of map. -v prints all figures,
-    --json too.
+    here. With --pose-noise their poses are integrated out, on any kind of map. -v prints all figures, --json too.
     """
     from prf.results.score import hold_out, hold_out_sonar, open_map, read_occupied_area, true_cells
     from prf.results.score import score as score_map

@@ -198,7 +198,10 @@ def time_words(seconds: float) -> str:
 def range_words(least: float, most: float) -> str:
     """Return in words a time between two, in seconds."""
     low, high = time_words(least), time_words(most)
-    return f"about {low}" if low == high else f"{low} to {high}"
+    if low == high:
+        return f"about {low}"
+    number, unit = low.split()
+    return f"{number} to {high}" if unit.rstrip("s") in high else f"{low} to {high}"
 
 
 def effective_size(values: NDArray[Any]) -> Floats:

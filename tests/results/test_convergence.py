@@ -231,6 +231,7 @@ def test_of_few_draws_nothing_is_known() -> None:
 def test_a_range_is_said_with_both_ends() -> None:
     assert range_words(600.0, 600.0) == "about 10 minutes"
     assert range_words(1200.0, 3600.0) == "20 minutes to 1 hour"
+    assert range_words(60.0, 180.0) == "1 to 3 minutes"
 
 
 @pytest.mark.parametrize(

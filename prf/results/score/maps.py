@@ -24,7 +24,7 @@ from prf.results.geojson import OccupiedArea, area_of_cells, read_occupied_area
 from prf.results.occupancy import OccupancyGrid, is_grid, read_grid
 from prf.results.occupancy import occupied_probability as cells_occupied
 from prf.results.score.heldout import HeldOut, HeldOutSonar
-from prf.results.score.returns import Returns, return_probability, returns_of_run
+from prf.results.score.returns import Returns, return_probability, returns_of_run, spread_over
 from prf.results.score.scene import enclosing_window, first_edges, outline, scene_of_coloring, scene_of_region
 from prf.shell.errors import InputError
 
@@ -144,8 +144,7 @@ class DrawsMap(PolygonalMaps):
 
     def singles(self, most: int) -> Sequence[ScoredMap]:
         """Return draws, spread evenly over the chains, which follow one another."""
-        chosen = np.unique(np.linspace(0, len(self.draws) - 1, min(most, len(self.draws))).round().astype(int))
-        return [_alone(self.draws[i]) for i in chosen.tolist()]
+        return [_alone(self.draws[i]) for i in spread_over(len(self.draws), most).tolist()]
 
     def best_alone(self) -> ScoredMap | None:
         """Return the best map as a run of one draw."""

@@ -96,7 +96,7 @@ def returns_of(draws: Draws, laser: Readings, model: LaserModel) -> Returns:
     direction = unit_vectors(laser.angle)
     reach = np.minimum(model.limit, window_exit(window, laser.origin, direction))
     rays = np.ascontiguousarray(np.column_stack([laser.origin, direction, reach]))
-    chosen = _spread_over(len(draws), MOST_TRACED).tolist()
+    chosen = spread_over(len(draws), MOST_TRACED).tolist()
     off = np.array([first_edges(rays, draws[number].segments(), window) for number in chosen])
     has_return = laser.range < reach
     off = np.where(np.isfinite(off) & has_return, np.where(has_return, laser.range, 0.0) - off, np.inf)
@@ -126,7 +126,10 @@ def _explained(model: LaserModel, off: Floats) -> tuple[float, Floats]:
 
 
 def _rates(window: Window, start: Floats, end: Floats, unexplained: Floats) -> tuple[Floats, Floats]:
-    """Return the unexplained returns a metre in each cell (ny, nx), their posterior mean, and the cells' corner."""
+    """Return the posterior mean of unexplained returns a metre in each cell (ny, nx), and the corner (2,) of the cells.
+
+    Of beams from `start` to `end` (n, 2) in metres, that end there `unexplained` (n,) with so much probability.
+    """
     grid = make_grid(*window, CELL)
     passes = np.zeros(grid.nx * grid.ny, np.int64)
     count_passes(grid, start, end, np.empty(most_cells(grid), np.int32), passes)
@@ -138,14 +141,14 @@ def _rates(window: Window, start: Floats, end: Floats, unexplained: Floats) -> t
 
 
 def return_probability(draws: Draws, returns: Returns | None, xy: Floats, square: float) -> Floats:
-    """Return how probably a beam that reaches the square round each point (n, 2) ends in it; nan outside the window.
+    """Return how probably a beam that reaches the square round each point ends in it (n,); nan outside the window.
 
-    A wall in the square, in draws displaced by the spread of returns, or clutter. Without `returns`: the share of draws
-    in which the square is not completely white.
+    `xy` (n, 2) and `square`, its side: metres. A wall in it, in draws displaced by the spread of returns, or clutter.
+    Without `returns`: the share of draws in which the square is not completely white.
     """
     if returns is None:
         return occupied_probability(draws, xy, square)
-    chosen = _spread_over(len(draws), MOST_DRAWS)
+    chosen = spread_over(len(draws), MOST_DRAWS)
     wall, weight = np.zeros(len(xy)), np.zeros(len(xy))
     for place, offset in enumerate(returns.spread * _normal_places(N_PLACES)):
         some = chosen[place::N_PLACES] if len(chosen) >= N_PLACES else chosen
@@ -158,8 +161,8 @@ def return_probability(draws: Draws, returns: Returns | None, xy: Floats, square
     return np.where(draws.window.contains(xy), 1.0 - free, np.nan)
 
 
-def _spread_over(n: int, most: int) -> NDArray[np.int64]:
-    """Return numbers below n, at most so many, spread evenly over the chains, which follow one another."""
+def spread_over(n: int, most: int) -> NDArray[np.int64]:
+    """Return numbers (k,) of n draws, at most so many, spread evenly over the chains, which follow one another."""
     return np.unique(np.linspace(0, n - 1, min(most, n)).round().astype(np.int64))
 
 
