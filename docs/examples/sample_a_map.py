@@ -10,6 +10,7 @@ print(run)
 places = np.array([[2.0, 5.0], [6.0, 8.1], [6.5, 11.2], [100.0, 5.0]])
 print(run.query(places))  # nan outside the window
 print(run.query(places, square=0.2))  # is any part of the square occupied?
+print(run.return_probability(places))  # does a beam that reaches it end there?
 
 door = [[2.4, 7.2], [2.4, 9.0]]
 round_the_desk = [[16.5, 3.0], [18.2, 2.2], [19.6, 3.0]]
