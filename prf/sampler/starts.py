@@ -61,11 +61,14 @@ LOOK = 10_000
 """Steps between two looks."""
 MOST_DOUBLINGS = 20
 """How often, from look to look, the cost of an occupied sensor doubles if one still is."""
-CELL = 0.1
-"""Side of the cells of the grid, metres; larger where the window would have too many."""
+CELL = 0.03
+"""Side of the cells of the grid, metres; larger where ranges are noisier than that, or the window would have too many.
+A contour as fine as the noise is nearly as likely as what chains arrive at; one of 0.1 m costs them minutes."""
 MOST_CELLS = 10_000_000
 GRID_SHARE = 0.5
 """Share of the readings that a chain's grid is made of."""
+CLOSED = 0.1
+"""Cells that are no more than twice this apart are joined, metres: returns along a wall are."""
 OCCUPIED = 0.35
 """Share of hits among hits and misses above which a cell is taken to be black."""
 CLEAR = 1.2
@@ -76,7 +79,7 @@ SEAM = 0.005
 """Metres that black loses all round: parts that touch in a point come apart."""
 LEAST_PART = 2.0
 """Smallest area of a part that is kept, in cells."""
-TOLERANCES = (1.0, 0.5, 0.1)
+TOLERANCES = (0.7, 0.3, 0.1)
 """Sides of a cell by which corners may be straightened; the next is tried where the one before makes no map."""
 
 
@@ -115,7 +118,7 @@ def contour_map(target: Target, rng: np.random.Generator) -> Coloring:
     if target.laser is None:
         raise ConfigError("sampler.start grid: needs the readings of a laser. Choose another start.")
     window = target.window
-    cell = max(CELL, float(np.sqrt(window.area / MOST_CELLS)))
+    cell = max(CELL, target.laser.model.noise, float(np.sqrt(window.area / MOST_CELLS)))
     chosen = rng.random(target.laser.readings.n_beams) < GRID_SHARE
     return map_of_region(_occupied_region(window, target.laser, chosen, cell), target, cell)
 
@@ -162,8 +165,8 @@ def _occupied_region(window: Window, laser: LaserData, chosen: NDArray[np.bool_]
     (black,) = np.nonzero((cells.hits > 0) & (cells.hits >= OCCUPIED * (cells.hits + cells.misses)))
     low = np.stack([grid.x0 + (black % grid.nx) * cell, grid.y0 + (black // grid.nx) * cell], axis=1)
     squares = shapely.union_all(shapely.box(*low.T, *(low + cell).T))
-    wide = shapely.buffer(squares, 1.01 * cell, join_style="mitre")
-    closed: BaseGeometry = shapely.buffer(wide, -1.01 * cell, join_style="mitre")
+    wide = shapely.buffer(squares, CLOSED, join_style="mitre")
+    closed: BaseGeometry = shapely.buffer(wide, -CLOSED, join_style="mitre")
     return closed
 
 
