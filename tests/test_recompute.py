@@ -23,7 +23,7 @@ from prf.model.coloring import Coloring, black_at
 from prf.model.layout import grow, make_targets, read_coloring
 from prf.model.sensors import LaserModel
 from prf.model.window import Window
-from prf.readings.ground import STRAIGHT
+from prf.readings.way import STRAIGHT
 from prf.sampler.prepare import read_prepared
 from prf.sampler.target import (
     Execution,

@@ -1,7 +1,7 @@
 """What readings show of the ground before any map, and beams of a dense log thinned to those that differ.
 
-The window of the readings, the cells that they saw, and the way driven: of cells that no reading crossed or ended in a
-map knows the prior alone; where the sensor went there was room for it (docs/driven-way.md).
+The window of the readings, and the cells that they saw: of cells that no reading crossed or ended in a map knows the
+prior alone.
 
 :func:`thin_beams` keeps a step as cheap for a longer log (docs/large-jobs.md). Beams are drawn evenly from strata:
 those of one stratum end in one square, are from one of eight directions, and all have a return or all have none. Their
@@ -20,13 +20,11 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
 
 from prf.kernels.readings.cones import MAX_DISTANCE
 from prf.kernels.score.passed_cells import choose_lacking, count_passes, mark_cones
 from prf.kernels.state.grid import Grid, make_grid, most_cells
-from prf.kernels.state.guards import GUARD_WAY, N_SHAPE
 from prf.model.layout import image_grid
 from prf.model.ranges import make_poses, unit_vectors, window_exit
 from prf.model.sensors import SonarModel
@@ -35,6 +33,10 @@ from prf.readings.points import PointTable
 from prf.readings.readings import Readings
 from prf.readings.text import IntArray
 from prf.shell.errors import ConfigError, InputError
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
 
 KEPT_RETURNS = 0.995
 """Share of the returns that the default window holds at least."""
@@ -75,29 +77,6 @@ def seen_cells(
     return seen
 
 
-def driven_way(
-    radius: float, logs: Sequence[Readings], sensors: Sequence[Readings], window: Window
-) -> NDArray[np.float64]:
-    """Return the pieces (k, 4) of the way of the sensors of `logs`; returns are those of the readings in use."""
-    if radius == 0.0 or not logs:
-        return np.zeros((0, 4))
-    ends = np.concatenate([part.impacts() for part in sensors])
-    tracks = [track for log in logs for track in sensor_tracks(log)]
-    return way_of(tracks, ends, window, radius)
-
-
-def sensor_tracks(readings: Readings) -> list[NDArray[np.float64]]:
-    """Return the position of each device scan by scan, (n, 2) in metres: of a ring the middle of its transducers."""
-    scans, number = np.unique(readings.scan, return_inverse=True)
-    counts = np.bincount(number)
-    middle = np.column_stack([np.bincount(number, weights=axis) / counts for axis in readings.origin.T])
-    device = np.zeros(int(scans.max(initial=-1)) + 1, np.int64)
-    table = readings.notes.scans
-    known = table.number <= scans.max(initial=-1)
-    device[table.number[known]] = table.device[known]
-    return [middle[device[scans] == one] for one in np.unique(device[scans])]
-
-
 def beam_ends(window: Window, origin: Floats, angle: Floats, ranges: Floats, max_range: float) -> tuple[Floats, Bools]:
     """Return where beams end inside the window and within reach (n, 2), and which of them (n,) by a return.
 
@@ -134,73 +113,7 @@ def seen_by_cones(
     return seen
 
 
-LONGEST_JOIN = 1.5
-"""Metres: successive poses farther apart are not joined."""
-STRAIGHT = 0.005
-"""Metres by which the way may be straightened; the radius grows by as much, so that nothing of it is lost."""
-ROUNDING = 0.01
-"""Metres to which returns are rounded: many lie at one place."""
-
-
-def way_of(tracks: Sequence[Floats], returns: Floats, window: Window, radius: float) -> Floats:
-    """Return the pieces (k, 4) of the way: ends x0, y0, x1, y1 in metres, both the same for a place alone.
-
-    `tracks` (n, 2), `returns` (m, 2).
-    """
-    lines = [line for track in tracks for line in _joined(track, returns, window, radius)]
-    pieces = [np.hstack([line[:-1], line[1:]]) if len(line) > 1 else np.hstack([line, line]) for line in lines]
-    return np.unique(np.concatenate([np.zeros((0, 4)), *pieces]), axis=0)
-
-
-def _joined(track: Floats, returns: Floats, window: Window, radius: float) -> list[Floats]:
-    """Return the runs of joined positions of one track, straightened."""
-    inside = window.contains(track, strictly=True)
-    moves = np.hypot(*np.diff(track, axis=0).T)
-    joins = inside[:-1] & inside[1:] & (moves <= LONGEST_JOIN)
-    candidates = np.flatnonzero(joins & (moves > 0.0))
-    segments = shapely.linestrings(np.stack([track[candidates], track[candidates + 1]], axis=1))
-    places = shapely.points(np.unique(np.round(returns / ROUNDING), axis=0) * ROUNDING)
-    met = shapely.STRtree(segments).query(places, predicate="dwithin", distance=radius)[1]
-    joins[candidates[np.unique(met)]] = False
-    runs = np.split(np.arange(len(track)), np.flatnonzero(~joins) + 1)
-    return [_straightened(track[run]) for run in runs if inside[run[0]]]
-
-
-def _straightened(run: Floats) -> Floats:
-    """Return a run of positions with fewer corners."""
-    if len(np.unique(run, axis=0)) == 1:
-        return run[:1]
-    return np.asarray(shapely.get_coordinates(shapely.simplify(shapely.LineString(run), STRAIGHT)))
-
-
-def way_guards(way: Floats, radius: float) -> Floats:
-    """Return the guards (k, N_SHAPE) that keep a way (k, 4) clear of edges."""
-    guards = np.zeros((len(way), N_SHAPE))
-    guards[:, 0] = GUARD_WAY
-    guards[:, 1:5] = way
-    guards[:, 5] = radius + STRAIGHT
-    return guards
-
-
-def cleared(way: Floats, radius: float) -> shapely.Geometry:
-    """Return the ground (a polygon) that no wall may touch for a way to be free."""
-    lines = shapely.linestrings(way.reshape(-1, 2, 2))
-    # A circle of 32 corners reaches half a per cent less far between them.
-    return shapely.union_all(shapely.buffer(lines, 1.01 * (radius + STRAIGHT) + 1e-6))
-
-
-def ways_near(guards: Floats, box: Floats) -> NDArray[np.bool_]:
-    """Return which guards (n, N_SHAPE) of a way may reach into a box x_min, y_min, x_max, y_max (n,)."""
-    low = np.minimum(guards[:, 1:3], guards[:, 3:5]) - guards[:, 5:6]
-    high = np.maximum(guards[:, 1:3], guards[:, 3:5]) + guards[:, 5:6]
-    return np.asarray(((low <= box[2:]) & (high >= box[:2])).all(axis=1), np.bool_)
-
-
-Floats = NDArray[np.float64]
-
 WORTH_IT = 0.75  # a log is used whole, and exactly, where thinning would keep more than this share of it
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 PLACE = 0.5  # side of a square in metres: wide beside the blur of a wall, so that all across it is thinned alike
 DIRECTIONS = 8  # sectors of the direction of a beam
 EVENNESS = 0.75  # exponent of the number of beams; measured in docs/large-jobs.md

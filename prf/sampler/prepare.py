@@ -29,8 +29,9 @@ from prf.readings import (
     warn_of_spoiling,
 )
 from prf.readings.describe import default_max_range
-from prf.readings.ground import chosen_window, driven_way, seen_cells, thin_beams
+from prf.readings.ground import chosen_window, seen_cells, thin_beams
 from prf.readings.readings import fields_of_view
+from prf.readings.way import driven_way
 from prf.sampler.schedules import AUTO_TEMPERATURES, LadderPlan
 from prf.sampler.target import Execution, LaserData, PointData, SonarData, Target
 from prf.shell.errors import ConfigError, InputError

@@ -39,7 +39,7 @@ from prf.model.coloring import Coloring, from_polygons, occupied_polygons
 from prf.model.layout import grow, make_guards, make_index, read_coloring
 from prf.model.ranges import beam_influence, unit_vectors, window_exit
 from prf.model.window import Window
-from prf.readings.ground import cleared, way_guards
+from prf.readings.way import cleared, way_guards
 from prf.sampler.target import (
     LaserData,
     Target,

@@ -41,7 +41,7 @@ from prf.model.sensors import LaserModel, PointModel, SonarModel
 from prf.model.window import Window
 from prf.poses.model import PoseModel
 from prf.readings import PointTable, Readings
-from prf.readings.ground import way_guards
+from prf.readings.way import way_guards
 
 Floats = NDArray[np.float64]
 Table = TypeVar("Table", Readings, PointTable)
@@ -137,7 +137,7 @@ class Target:
     laser: LaserData | None = None
     sonar: SonarData | None = None
     points: PointData | None = None  # without laser, sonar and points the chain draws from the prior
-    # (k, 4): pieces of the way that was driven (:func:`prf.readings.ground.way_of`), metres
+    # (k, 4): pieces of the way that was driven (:func:`prf.readings.way.way_of`), metres
     way: Floats = dataclasses.field(default_factory=lambda: np.zeros((0, 4)))
     driven_radius: float = 0.0  # of the disc that was free all along it, metres
     poses: PoseModel | None = None  # uncertain ones; readings are then those at the poses where chains start

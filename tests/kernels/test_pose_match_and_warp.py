@@ -13,7 +13,7 @@ from prf.kernels.poses import match as m
 from prf.kernels.poses import warp as w
 from prf.model.coloring import Coloring, black_at, violations
 from prf.model.layout import make_guards, read_coloring
-from prf.readings.ground import way_guards
+from prf.readings.way import way_guards
 from tests.kernels.entries import parts_are_called
 from tests.reference.pose_worlds import BARE, BOTH, DRIVEN, LASER, PoseWorld, Rig, begin, draw_pose_world, scratch
 from tests.reference.recompute import cell_lists, recompute_edge_cells, recompute_log_prior

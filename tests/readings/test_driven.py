@@ -12,7 +12,17 @@ from prf.model.coloring import Coloring, violations
 from prf.model.layout import make_guards
 from prf.model.window import Window
 from prf.readings import Readings
-from prf.readings.ground import LONGEST_JOIN, STRAIGHT, cleared, sensor_tracks, way_guards, way_of
+from prf.readings.way import (
+    LONGEST_JOIN,
+    LONGEST_SEEN_JOIN,
+    STRAIGHT,
+    Sight,
+    cleared,
+    sensor_tracks,
+    sight_of,
+    way_guards,
+    way_of,
+)
 from prf.sampler.prepare import prepare
 from prf.sampler.starts import contour_map, find_start_map, map_of_region
 from prf.sampler.target import Target, make_chain
@@ -25,8 +35,13 @@ NOTHING = np.zeros((0, 2))
 RADIUS = 0.2
 
 
-def way(track: list[list[float]], returns: np.ndarray = NOTHING, radius: float = RADIUS) -> list[list[float]]:
-    found: list[list[float]] = way_of([np.array(track)], returns, ROOM, radius).round(9).tolist()
+def sight(walls: np.ndarray = NOTHING) -> Sight:
+    """Walls, and ground that no beam reached."""
+    return sight_of([], ROOM)._replace(walls=walls)
+
+
+def way(track: list[list[float]], walls: np.ndarray = NOTHING, radius: float = RADIUS) -> list[list[float]]:
+    found: list[list[float]] = way_of([np.array(track)], sight(walls), ROOM, radius).round(9).tolist()
     return found
 
 
@@ -37,11 +52,40 @@ def test_positions_are_joined_up_to_a_metre_and_a_half() -> None:
     assert way([[1.0, 1.0], [2.6, 1.0]]) == [[1.0, 1.0, 1.0, 1.0], [2.6, 1.0, 2.6, 1.0]]
 
 
-def test_a_return_within_the_radius_parts_them() -> None:
+def test_a_wall_within_the_radius_parts_them() -> None:
     track = [[1.0, 1.0], [2.0, 1.0]]
     alone = [[1.0, 1.0, 1.0, 1.0], [2.0, 1.0, 2.0, 1.0]]
     assert way(track, np.array([[1.5, 1.15]])) == alone
     assert way(track, np.array([[1.5, 1.25], [0.5, 1.0], [9.0, 9.0]])) == [[1.0, 1.0, 2.0, 1.0]]
+
+
+def beams(origin: list[list[float]], to: list[list[float]]) -> Readings:
+    """One beam from each origin that ends at each place."""
+    pairs = [(a, b) for a in origin for b in to]
+    start, end = (np.array(part) for part in zip(*pairs, strict=True))
+    angle = np.arctan2(*(end - start).T[::-1])
+    return Readings.from_arrays(start, angle, np.hypot(*(end - start).T))
+
+
+def test_returns_that_most_beams_pass_by_part_nothing_and_walls_do() -> None:
+    person = [[1.5, 1.0]]
+    track = [np.array([[1.0, 1.0], [2.0, 1.0]])]
+    behind = [[1.4 + 0.02 * i, 0.2] for i in range(10)]
+    through = beams([[1.5, 3.0]], behind)
+    found = way_of(track, sight_of([beams([[1.5, 3.0]], person), through], ROOM), ROOM, RADIUS)
+    assert found.tolist() == [[1.0, 1.0, 2.0, 1.0]]
+    found = way_of(track, sight_of([beams([[1.5, 3.0], [1.4, 3.0], [1.6, 3.0]], person)], ROOM), ROOM, RADIUS)
+    assert len(found) == 2
+
+
+def test_positions_farther_apart_are_joined_where_beams_passed_all_along() -> None:
+    fan = [[4.0, 1.0 + 0.01 * i] for i in range(-40, 41)]
+    seen = sight_of([beams([[0.5, 1.0 + 0.05 * i] for i in range(-5, 6)], fan)], ROOM)
+    for length, is_joined in ((LONGEST_SEEN_JOIN - 0.1, True), (LONGEST_SEEN_JOIN + 0.1, False)):
+        track = [np.array([[0.7, 1.0], [0.7 + length, 1.0]])]
+        assert len(way_of(track, seen, ROOM, RADIUS)) == (1 if is_joined else 2)
+    below = sight_of([beams([[0.5, 1.05 + 0.05 * i] for i in range(5)], [[4.0, 1.05], [4.0, 1.2]])], ROOM)
+    assert len(way_of([np.array([[0.7, 1.0], [3.0, 1.0]])], below, ROOM, RADIUS)) == 2
 
 
 def test_positions_outside_and_on_the_border_are_left_out() -> None:
@@ -52,9 +96,9 @@ def test_positions_outside_and_on_the_border_are_left_out() -> None:
 
 def test_tracks_are_joined_each_for_itself_and_pieces_are_kept_once() -> None:
     one, other = np.array([[1.0, 1.0], [1.0, 1.0], [1.0, 1.0]]), np.array([[1.2, 1.0], [1.4, 1.0]])
-    found = way_of([one, other, one], NOTHING, ROOM, RADIUS)
+    found = way_of([one, other, one], sight(), ROOM, RADIUS)
     assert found.tolist() == [[1.0, 1.0, 1.0, 1.0], [1.2, 1.0, 1.4, 1.0]]
-    assert way_of([], NOTHING, ROOM, RADIUS).shape == (0, 4)
+    assert way_of([], sight(), ROOM, RADIUS).shape == (0, 4)
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -66,7 +110,7 @@ def test_straightening_uncovers_nothing_of_the_way(seed: int) -> None:
     steps[rng.random(400) < 0.1] = 0.0
     track = 5.0 + np.cumsum(steps, axis=0)
     track = track[ROOM.contains(track, strictly=True)]
-    found = way_of([track], NOTHING, ROOM, RADIUS)
+    found = way_of([track], sight(), ROOM, RADIUS)
     assert len(found) < 0.3 * len(track)
     kept = shapely.union_all(shapely.linestrings(found.reshape(-1, 2, 2)))
     original = shapely.LineString(track)

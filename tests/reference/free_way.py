@@ -7,7 +7,7 @@ import shapely
 from numpy.typing import NDArray
 
 from prf.model.coloring import Coloring, Draws, black_at, black_at_draws
-from prf.readings.ground import STRAIGHT
+from prf.readings.way import STRAIGHT
 from prf.sampler.target import Target
 
 

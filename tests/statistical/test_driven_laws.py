@@ -26,7 +26,7 @@ from tests.statistical.ways import plain
 
 SEED = 20050726
 COSTS = [pytest.param(np.inf, id="hard"), pytest.param(0.7, id="at a cost")]
-N_WORLDS = 100
+N_WORLDS = 200
 FEW = {"n": 10_000, "draws": 150, "thin": 4000, "batches": 25}
 SOME = {"n": 40_000, "draws": 400, "thin": 4000, "batches": 25}
 MANY = {"n": 400_000, "draws": 4000, "thin": 4000, "batches": 100}

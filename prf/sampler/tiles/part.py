@@ -30,7 +30,7 @@ from prf.model.coloring import Coloring
 from prf.model.layout import bare_graph, make_guards, make_index, make_proposal, make_sites, white_image
 from prf.model.ranges import MARGIN, aims_of, make_beams, make_cones
 from prf.model.window import Window
-from prf.readings.ground import ways_near
+from prf.readings.way import ways_near
 from prf.sampler.target import FIRST_CAPACITY, FIRST_CELL_ROOM, PointData, painted_points
 from prf.sampler.tiles.rounds import Round, TileData, tiles_at
 

@@ -24,7 +24,7 @@ from prf.model.layout import make_targets, read_coloring
 from prf.model.ranges import beam_influence
 from prf.model.sensors import LaserModel, SonarModel
 from prf.model.window import INTERIOR, Window
-from prf.readings.ground import way_guards
+from prf.readings.way import way_guards
 from prf.sampler.chain import FIRST_THIN
 from prf.sampler.target import BORDER_MOVES, NO_LASER, NO_SONAR, Target, poses_of, rays_of, return_points, white_places
 
