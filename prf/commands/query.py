@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 import logging
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from prf.shell.cli.options import Json
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from prf.output.run import Run
     from prf.results.estimate import Estimates, PointEstimates
     from prf.results.occupancy import OccupancyGrid
 
 logger = logging.getLogger(__name__)
 
+WANTED_FREE = 0.95
+"""A path that is free less often than this has what blocks it named."""
 MAX_RHAT = 1.1
 """Above it a warning reports that the chains disagree on the answer."""
 
@@ -114,7 +119,7 @@ def _answer_path(source: Run | OccupancyGrid, path: str, radius: float, json: bo
     from prf.results import occupancy
     from prf.shell.cli import console, storage
 
-    xy = read_points(path)
+    xy, blocked = read_points(path), None
     if isinstance(source, occupancy.OccupancyGrid):
         p = occupancy.path_free(source, xy, radius)
         answer: dict[str, float | None] = {"p_free": p, "low": p, "high": p, "ess": None, "rhat": None, "n_draws": None}
@@ -123,14 +128,29 @@ def _answer_path(source: Run | OccupancyGrid, path: str, radius: float, json: bo
         values = [float(column[0]) for column in found]
         answer = {**dict(zip(("p_free", *found._fields[1:]), values, strict=True)), "n_draws": len(source.draws)}
         _warn(path, "path", found)
+        if values[0] < WANTED_FREE:
+            blocked = _what_blocks(source, path, xy, radius)
     if answer["p_free"] != answer["p_free"]:
         logger.warning("%s: the path leaves the window, so nothing is known about it: p_free is nan.", path)
     if json:
-        storage.emit_object("prf.query.path/1", answer)
+        storage.emit_object("prf.query.path/1", answer | {"blocked": blocked})
     else:
         shown = {name: value for name, value in answer.items() if value is not None}
         shown |= {name: round(shown[name], 2) for name in ("ess", "rhat") if name in shown}
         console.emit("\n".join(f"{name:7}  {value!r}" for name, value in shown.items()))
+
+
+def _what_blocks(source: Run, path: str, xy: NDArray[np.float64], radius: float) -> dict[str, Any]:
+    """Name on stderr the piece of a path that keeps it from being free; return it for --json."""
+    found = source.what_blocks(xy, radius)
+    (x0, y0), (x1, y1) = found.piece.tolist()
+    returns = f"{found.n_returns} returns lie within {radius:g} m of it" if found.n_returns else "no return lies there"
+    driven = "it is part of the way driven" if found.is_driven else "it is not part of the way driven"
+    logger.warning(
+        f"{path}: from ({x0:.2f}, {y0:.2f}) to ({x1:.2f}, {y1:.2f}) is free in {found.p_free:.2f} of the draws; "
+        f"{returns}, and {driven} (docs/driven-way.md)."
+    )
+    return {**found._asdict(), "piece": found.piece.tolist()}
 
 
 def _warn(file: str, kind: str, found: Estimates | PointEstimates) -> None:

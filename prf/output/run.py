@@ -18,10 +18,13 @@ from prf.model.coloring import occupied_polygons
 from prf.output.pictures import plot_posterior, render_posterior
 from prf.output.report import write_report
 from prf.readings.arrays import as_paths, checked
+from prf.readings.way import lies_on_way
 from prf.results import PosteriorImage, RunData, names
 from prf.results.estimate import (
     Estimates,
+    Obstruction,
     PointEstimates,
+    blocking_piece,
     occupied_estimates,
     occupied_probability,
     path_estimates,
@@ -164,6 +167,31 @@ class Run(RunData):
         if interval:
             return path_estimates(self.draws, self.chain, as_paths(paths), radius, self.smallest_ess)
         return np.array([path_free(self.draws, path, radius) for path in as_paths(paths)], np.float64)
+
+    def what_blocks(self, path: ArrayLike, radius: float) -> Obstruction:
+        """Return the piece of a path that keeps it from being free, and what stands there.
+
+        Parameters
+        ----------
+        path : (k, 2) array
+            Corners in metres, all inside the window.
+        radius : float
+            Of the disc that follows it, metres.
+
+        Returns
+        -------
+        :class:`prf.results.estimate.Obstruction`
+
+        Raises
+        ------
+        InputError
+            If there are no draws yet.
+        """
+        piece, p_free = blocking_piece(self.draws, path, radius)
+        line = shapely.LineString(piece)
+        ends = [part.impacts() for part in (self.laser, self.sonar) if part is not None]
+        n_returns = sum(int(shapely.dwithin(shapely.points(end), line, radius).sum()) for end in ends)
+        return Obstruction(piece, p_free, n_returns, lies_on_way(self.way, piece))
 
     @property
     def best_map(self) -> shapely.MultiPolygon:

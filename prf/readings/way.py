@@ -128,6 +128,12 @@ def _straightened(run: Floats) -> Floats:
     return np.asarray(shapely.get_coordinates(shapely.simplify(shapely.LineString(run), STRAIGHT)))
 
 
+def lies_on_way(way: Floats, piece: Floats) -> bool:
+    """Return whether a straight piece (2, 2) is part of a way (k, 4)."""
+    lines = shapely.union_all(shapely.linestrings(way.reshape(-1, 2, 2)))
+    return bool(shapely.covers(shapely.buffer(lines, STRAIGHT + ROUNDING), shapely.LineString(piece)))
+
+
 def way_guards(way: Floats, radius: float) -> Floats:
     """Return the guards (k, N_SHAPE) that keep a way (k, 4) clear of edges."""
     guards = np.zeros((len(way), N_SHAPE))

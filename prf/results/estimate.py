@@ -76,6 +76,27 @@ class PointEstimates(NamedTuple):
     seen: Bools
 
 
+class Obstruction(NamedTuple):
+    """The piece of a path that keeps it from being free.
+
+    Attributes
+    ----------
+    piece : (2, 2) float64
+        Its ends, metres.
+    p_free : float
+        Share of draws in which the disc can follow it.
+    n_returns : int
+        Returns in use within the radius of the disc of it.
+    is_driven : bool
+        Whether it is part of the way driven.
+    """
+
+    piece: Floats
+    p_free: float
+    n_returns: int
+    is_driven: bool
+
+
 def occupied_probability(draws: Draws, xy: ArrayLike, square: float = 0.0) -> Floats:
     """Return the share of draws in which each point, or the square round it, is occupied; `xy` (n_points, 2)."""
     points = _points(xy)
@@ -129,6 +150,19 @@ def path_estimates(
             free = path_free_in_draws(draws, path, radius)[:, None]
             found[:, [i]] = estimates(by_chain(free, chain), smallest_ess)
     return Estimates(*found)
+
+
+def blocking_piece(draws: Draws, path_xy: ArrayLike, radius: float) -> tuple[Floats, float]:
+    """Return a piece (2, 2) of a path inside the window that is seldom free, and how often it is.
+
+    Found by halving the path: of each half the one that is free in fewer draws. `path_xy` (n_points, 2).
+    """
+    path = _points(path_xy)
+    path = np.vstack((path, path)) if len(path) == 1 else path
+    while len(path) > 2:
+        middle = len(path) // 2
+        path = min((path[: middle + 1], path[middle:]), key=lambda half: path_free(draws, half, radius))
+    return path, path_free(draws, path, radius)
 
 
 def path_free_in_draws(draws: Draws, path_xy: ArrayLike, radius: float) -> Bools:

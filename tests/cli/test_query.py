@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from pathlib import Path
 
 import numpy as np
 import pytest
+import shapely
 
+from prf.model.coloring import Draws, from_polygons
 from prf.output.run import read_run
+from prf.readings import Readings
 from prf.results import write_run
 from prf.results.estimate import occupied_probability
 from tests.cli.calls import prf
-from tests.factories import make_run
+from tests.factories import WINDOW, make_run
 
 
 @pytest.fixture(scope="module")
@@ -80,6 +84,9 @@ def test_path(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture) -> No
     answer = json.loads(capsys.readouterr().out)
     expected = read_run(folder).paths([[1.0, 2.0], [1.5, 2.5]], 0.1, interval=True)
     bounds = {name: getattr(expected, name)[0] for name in ("low", "high", "ess", "rhat")}
+    found = answer.pop("blocked")
+    assert found["piece"] == [[1.0, 2.0], [1.5, 2.5]]
+    assert found["p_free"] == expected.probability[0]
     assert answer == {"schema": "prf.query.path/1", "p_free": expected.probability[0], **bounds, "n_draws": 48}
     assert 0.0 < answer["low"] < answer["p_free"] < answer["high"] < 1.0
     assert prf("query", folder, "--path", tmp_path / "path.csv", "--radius", 0.1) == 0
@@ -96,6 +103,22 @@ def test_few_effective_draws_are_warned_of(folder: Path, tmp_path: Path, capsys:
     write_run(tmp_path / "long", make_run(n_draws=2000, resolution=5.0))
     assert prf("query", tmp_path / "long", "--points", tmp_path / "points.csv") == 0
     assert capsys.readouterr().err == ""
+
+
+def test_the_piece_that_blocks_a_path_is_named(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """A triangle in every draw on the second piece of the way, with two returns on its sides."""
+    wall = from_polygons(shapely.MultiPolygon([shapely.Polygon([[2.4, 0.9], [2.6, 0.9], [2.5, 1.1]])]), WINDOW)
+    laser = Readings.from_arrays([[2.0, 1.0], [3.0, 1.0]], [0.0, np.pi], [0.45, 0.45])
+    made, draws, way = make_run(n_draws=48), Draws.from_colorings([wall] * 48), np.array([[1.0, 1.0, 2.0, 1.0]])
+    run = dataclasses.replace(made, draws=draws, laser=laser, way=way)
+    write_run(tmp_path / "run", run)
+    (tmp_path / "path.csv").write_text("x,y\n1,1\n2,1\n3,1\n4,1\n")
+    assert prf("query", tmp_path / "run", "--path", tmp_path / "path.csv", "--radius", 0.2, "--json") == 0
+    shown = capsys.readouterr()
+    expected = {"piece": [[2.0, 1.0], [3.0, 1.0]], "p_free": 0.0, "n_returns": 2, "is_driven": False}
+    assert json.loads(shown.out)["blocked"] == expected
+    assert "from (2.00, 1.00) to (3.00, 1.00) is free in 0.00 of the draws; 2 returns lie within 0.2 m" in shown.err
+    assert run.what_blocks([[1.0, 1.0], [2.0, 1.0]], 0.2).is_driven
 
 
 def test_a_path_that_leaves_the_window_is_reported(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
