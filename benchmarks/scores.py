@@ -22,22 +22,30 @@ from benchmarks import commands
 from benchmarks.commands import made, prf, say
 from benchmarks.contours import write_contours
 from benchmarks.octomap import INSTALLED, write_octomap
+from benchmarks.regression import regression_scores
 from prf.results import names
 from prf.results.geojson import read_map_feature
 from prf.results.occupancy import read_grid
 
 SECONDS = 180.0
 HELD_OUT = "5::10"
-MAX_RANGE: dict[str, float | None] = {"intel": 40.0, "aces": None, "csail": None, "freiburg-101": None}
+MAX_RANGE: dict[str, float | None] = {
+    "intel": 40.0,
+    **dict.fromkeys(("freiburg-101", "aces", "csail", "edmonton", "belgioioso", "fhw", "infinite-corridor")),
+}
 """Metres; None: 0.97 of the largest range in the log."""
-TUNED = ("intel",)
-"""Logs whose held-out scans were looked at while noise, thinning and moves were chosen."""
+TUNED = ("intel", "freiburg-101", "aces")
+"""Logs whose held-out scans were looked at while noise, thinning, moves and the probability of a return were chosen."""
 SETS: dict[str, dict[str, Any]] = {"tenth": {"every_scan": 10}, "others": {"skip_scans": HELD_OUT}}
 SCALE = 0.1
 CELLS = (0.1, 0.2)
 """Metres, of the grids; contours and OctoMap have the first."""
-COLUMNS = ("rhat", "beam_nll", "nll", "nll_seen", "brier", "auc", "within_0.2m", "rmse", "vertices", "seconds")
-SUMMARY = {"beam_nll": 1.0, "nll": 1.0, "brier": 1.0, "auc": -1.0, "within_0.2m": -1.0, "rmse": 1.0}
+POINTS = ("nll", "brier", "auc", "nll_unweighted", "brier_unweighted", "auc_unweighted")
+COLUMNS = ("rhat", "beam_nll", *POINTS, "within_0.2m", "rmse", "vertices", "seconds")
+SUMMARY = {
+    **{"beam_nll": 1.0, "nll": 1.0, "brier": 1.0, "auc": -1.0, "within_0.2m": -1.0, "rmse": 1.0},
+    **{"nll_unweighted": 1.0, "brier_unweighted": 1.0, "auc_unweighted": -1.0},
+}
 """Scores of the summary, and the sign with which the least is the best."""
 POSTERIOR = "PRF posterior"
 
@@ -115,9 +123,15 @@ def grids(task: Task) -> list[Map]:
 def scored(task: Task, one: Map, seed: int) -> dict[str, Any]:
     """Return the scores of a map on the held-out scans."""
     found = prf("score", one.path, laser=task.log, scans=HELD_OUT, max_range=MAX_RANGE[task.name], seed=seed)
-    if found["kind"] == "map":
-        found["nll_seen"] = None  # polygons do not say what was seen
     return {"map": one.name, "vertices": one.vertices, "seconds": one.seconds, "rhat": one.rhat, **found}
+
+
+def regressed(task: Task, seed: int) -> dict[str, Any]:
+    """Return the scores of a regression on counts of beams, which gives probabilities of points alone."""
+    begun = time.monotonic()
+    found = regression_scores(task.log, HELD_OUT, MAX_RANGE[task.name], seed, SETS[task.scans])
+    seconds = time.monotonic() - begun
+    return {**dict.fromkeys(COLUMNS), "map": "regression on counts", "seconds": seconds, **found}
 
 
 def table(task: Task, rows: list[dict[str, Any]]) -> str:
@@ -135,7 +149,8 @@ def summary(tables: dict[str, list[dict[str, Any]]]) -> str:
         own = next(row for row in rows if row["map"] == POSTERIOR)
         cells = [title, cell("rhat", own["rhat"])]
         for name, sign in SUMMARY.items():
-            rival = min((row for row in rows if "PRF" not in row["map"]), key=lambda row: sign * row[name])
+            others = [row for row in rows if "PRF" not in row["map"] and row[name] is not None]
+            rival = min(others, key=lambda row: sign * row[name])
             reported = f"{cell(name, rival[name])} ({rival['map']})"
             cells.append(f"{cell(name, own[name])}, {reported}")
         lines.append("| " + " | ".join(cells) + " |")
@@ -168,6 +183,7 @@ def main() -> int:
             task = Task(name, log, scans, options.output / "scores" / f"{name}-{scans}")
             task.folder.mkdir(parents=True, exist_ok=True)
             rows = [scored(task, one, options.seed) for one in [*sampled(task, options), *grids(task)]]
+            rows.append(regressed(task, options.seed))
             print(table(task, rows), flush=True)
             tables[task.title] = rows
             how = {"log": name, "scans": scans, "seconds": options.seconds, "laser": commands.LASER, "scale": SCALE}

@@ -10,9 +10,6 @@ import typer
 from prf.shell.cli.options import Json
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
     from prf.output.run import Run
     from prf.results.estimate import Estimates, PointEstimates
     from prf.results.occupancy import OccupancyGrid
@@ -140,7 +137,7 @@ def _answer_path(source: Run | OccupancyGrid, path: str, radius: float, json: bo
         console.emit("\n".join(f"{name:7}  {value!r}" for name, value in shown.items()))
 
 
-def _what_blocks(source: Run, path: str, xy: NDArray[np.float64], radius: float) -> dict[str, Any]:
+def _what_blocks(source: Run, path: str, xy: Any, radius: float) -> dict[str, Any]:
     """Name on stderr the piece of a path that keeps it from being free; return it for --json."""
     found = source.what_blocks(xy, radius)
     (x0, y0), (x1, y1) = found.piece.tolist()

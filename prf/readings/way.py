@@ -38,7 +38,7 @@ ROUNDING = 0.01
 """Metres to which returns are rounded: many lie at one place."""
 
 
-class Sight(NamedTuple):
+class Sightlines(NamedTuple):
     """What beams say of the ground between two poses."""
 
     grid: Grid
@@ -55,7 +55,7 @@ class Sight(NamedTuple):
         return bool((self.passes[cells_of(self.grid, places)] > 0).all())
 
 
-def sight_of(sensors: Sequence[Readings], window: Window) -> Sight:
+def sightlines_of(sensors: Sequence[Readings], window: Window) -> Sightlines:
     """Return what the beams of sensors inside the window say; those of a sonar are taken to lie on its axis."""
     grid = make_grid(*window, max(SIGHT_CELL, math.sqrt(window.area / MAX_CELLS)))
     passes, hits = np.zeros(grid.nx * grid.ny, np.int64), np.zeros(grid.nx * grid.ny, np.int64)
@@ -69,7 +69,7 @@ def sight_of(sensors: Sequence[Readings], window: Window) -> Sight:
         returns.append(end[returned])
     found = np.concatenate(returns)
     cells = cells_of(grid, found)
-    return Sight(grid, passes, found[hits[cells] >= SOLID * passes[cells]])
+    return Sightlines(grid, passes, found[hits[cells] >= SOLID * passes[cells]])
 
 
 def driven_way(
@@ -79,7 +79,7 @@ def driven_way(
     if radius == 0.0 or not logs:
         return np.zeros((0, 4))
     tracks = [track for log in logs for track in sensor_tracks(log)]
-    return way_of(tracks, sight_of(sensors, window), window, radius)
+    return way_of(tracks, sightlines_of(sensors, window), window, radius)
 
 
 def sensor_tracks(readings: Readings) -> list[NDArray[np.float64]]:
@@ -94,7 +94,7 @@ def sensor_tracks(readings: Readings) -> list[NDArray[np.float64]]:
     return [middle[device[scans] == one] for one in np.unique(device[scans])]
 
 
-def way_of(tracks: Sequence[Floats], sight: Sight, window: Window, radius: float) -> Floats:
+def way_of(tracks: Sequence[Floats], sight: Sightlines, window: Window, radius: float) -> Floats:
     """Return the pieces (k, 4) of the way: ends x0, y0, x1, y1 in metres, both the same for a place alone.
 
     `tracks` (n, 2).
@@ -104,7 +104,7 @@ def way_of(tracks: Sequence[Floats], sight: Sight, window: Window, radius: float
     return np.unique(np.concatenate([np.zeros((0, 4)), *pieces]), axis=0)
 
 
-def _joined(track: Floats, sight: Sight, window: Window, radius: float) -> list[Floats]:
+def _joined(track: Floats, sight: Sightlines, window: Window, radius: float) -> list[Floats]:
     """Return the runs of joined positions of one track, straightened."""
     inside = window.contains(track, strictly=True)
     moves = np.hypot(*np.diff(track, axis=0).T)

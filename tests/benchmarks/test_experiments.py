@@ -17,6 +17,7 @@ import shapely
 
 from benchmarks import bitmap, commands, figure3, figure4, figure5, scores, unseen, unseen_rivals, unseen_sets
 from benchmarks.contours import contour_polygons, write_contours
+from benchmarks.regression import regression_scores
 from benchmarks.unseen_sets import Map
 from mapq.crf import Labelling
 from mapq.labels import PLAUSIBLE, SUSPICIOUS, UNLABELLED
@@ -250,3 +251,11 @@ def test_a_set_is_summed_up_by_density():
     text = "\n".join(unseen.lines({"a": {unseen.POINTS: found, unseen.SCANS: found}}))
     assert "10.0 / 10.0" in text
     assert "0.983 0.83" in text
+
+
+def test_a_regression_on_counts_of_beams_tells_walls_from_free_ground(data_dir: Path) -> None:
+    pytest.importorskip("sklearn")
+    found = regression_scores(data_dir / "demo-office.log.gz", "5::10", None, 1, {"skip_scans": "5::10"})
+    assert found["auc"] > 0.9
+    assert found["nll"] < 0.2
+    assert {"nll_unweighted", "brier", "auc_unweighted"} <= set(found)

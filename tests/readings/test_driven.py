@@ -16,10 +16,10 @@ from prf.readings.way import (
     LONGEST_JOIN,
     LONGEST_SEEN_JOIN,
     STRAIGHT,
-    Sight,
+    Sightlines,
     cleared,
     sensor_tracks,
-    sight_of,
+    sightlines_of,
     way_guards,
     way_of,
 )
@@ -35,9 +35,9 @@ NOTHING = np.zeros((0, 2))
 RADIUS = 0.2
 
 
-def sight(walls: np.ndarray = NOTHING) -> Sight:
+def sight(walls: np.ndarray = NOTHING) -> Sightlines:
     """Walls, and ground that no beam reached."""
-    return sight_of([], ROOM)._replace(walls=walls)
+    return sightlines_of([], ROOM)._replace(walls=walls)
 
 
 def way(track: list[list[float]], walls: np.ndarray = NOTHING, radius: float = RADIUS) -> list[list[float]]:
@@ -72,19 +72,19 @@ def test_returns_that_most_beams_pass_by_part_nothing_and_walls_do() -> None:
     track = [np.array([[1.0, 1.0], [2.0, 1.0]])]
     behind = [[1.4 + 0.02 * i, 0.2] for i in range(10)]
     through = beams([[1.5, 3.0]], behind)
-    found = way_of(track, sight_of([beams([[1.5, 3.0]], person), through], ROOM), ROOM, RADIUS)
+    found = way_of(track, sightlines_of([beams([[1.5, 3.0]], person), through], ROOM), ROOM, RADIUS)
     assert found.tolist() == [[1.0, 1.0, 2.0, 1.0]]
-    found = way_of(track, sight_of([beams([[1.5, 3.0], [1.4, 3.0], [1.6, 3.0]], person)], ROOM), ROOM, RADIUS)
+    found = way_of(track, sightlines_of([beams([[1.5, 3.0], [1.4, 3.0], [1.6, 3.0]], person)], ROOM), ROOM, RADIUS)
     assert len(found) == 2
 
 
 def test_positions_farther_apart_are_joined_where_beams_passed_all_along() -> None:
     fan = [[4.0, 1.0 + 0.01 * i] for i in range(-40, 41)]
-    seen = sight_of([beams([[0.5, 1.0 + 0.05 * i] for i in range(-5, 6)], fan)], ROOM)
+    seen = sightlines_of([beams([[0.5, 1.0 + 0.05 * i] for i in range(-5, 6)], fan)], ROOM)
     for length, is_joined in ((LONGEST_SEEN_JOIN - 0.1, True), (LONGEST_SEEN_JOIN + 0.1, False)):
         track = [np.array([[0.7, 1.0], [0.7 + length, 1.0]])]
         assert len(way_of(track, seen, ROOM, RADIUS)) == (1 if is_joined else 2)
-    below = sight_of([beams([[0.5, 1.05 + 0.05 * i] for i in range(5)], [[4.0, 1.05], [4.0, 1.2]])], ROOM)
+    below = sightlines_of([beams([[0.5, 1.05 + 0.05 * i] for i in range(5)], [[4.0, 1.05], [4.0, 1.2]])], ROOM)
     assert len(way_of([np.array([[0.7, 1.0], [3.0, 1.0]])], below, ROOM, RADIUS)) == 2
 
 
