@@ -124,7 +124,7 @@ def by_sampler(target: Target, plan: LadderPlan | None, n_chains: int, steps: in
     with progress(steps, "the sampler") as reporter:
         while sampler.step < steps:
             advance(sampler, threads)
-            reporter.update(sampler.step)
+            reporter(sampler.step)
     found = sampler.sample()
     values = looked_at(found.draws)
     return estimate(np.array([values[found.chain == k] for k in range(n_chains)]), time.monotonic() - start)
