@@ -141,11 +141,11 @@ def _what_blocks(source: Run, path: str, xy: Any, radius: float) -> dict[str, An
     """Name on stderr the piece of a path that keeps it from being free; return it for --json."""
     found = source.what_blocks(xy, radius)
     (x0, y0), (x1, y1) = found.piece.tolist()
-    returns = f"{found.n_returns} returns lie within {radius:g} m of it" if found.n_returns else "no return lies there"
+    counted = "1 return lies" if found.n_returns == 1 else f"{found.n_returns or 'no'} returns lie"
     driven = "it is part of the way driven" if found.is_driven else "it is not part of the way driven"
     logger.warning(
         f"{path}: from ({x0:.2f}, {y0:.2f}) to ({x1:.2f}, {y1:.2f}) is free in {found.p_free:.2f} of the draws; "
-        f"{returns}, and {driven} (docs/driven-way.md)."
+        f"{counted} within {radius:g} m of it, and {driven} (docs/driven-way.md)."
     )
     return {**found._asdict(), "piece": found.piece.tolist()}
 

@@ -189,7 +189,8 @@ class Run(RunData):
         """
         piece, p_free = blocking_piece(self.draws, path, radius)
         line = shapely.LineString(piece)
-        ends = [part.impacts() for part in (self.laser, self.sonar) if part is not None]
+        placed = self.placed()
+        ends = [part.impacts() for part in (placed.laser, placed.sonar) if part is not None]
         n_returns = sum(int(shapely.dwithin(shapely.points(end), line, radius).sum()) for end in ends)
         return Obstruction(piece, p_free, n_returns, lies_on_way(self.way, piece))
 
