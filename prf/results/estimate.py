@@ -25,6 +25,9 @@ PIECES = 8
 """Chains are cut into halves, a few chains into this many pieces in all, whose means are compared."""
 DRAWS_PER_DEGREE = 20.0
 """Effective draws for each degree of freedom of a long run, if that is more than the pieces give."""
+MOST_WORTH = 8.0
+"""No answer is worth more than about so many times the smallest effective sample size of the run: chains that have not
+explored everything may agree on an answer by chance."""
 FEWEST_OF_A_COLOUR = 3.0
 """Effective draws of a colour below which that colour may as well have no probability at all."""
 MOST_VALUES = 1_000_000
@@ -261,6 +264,7 @@ def _batch(black: Bools, smallest_ess: float) -> Estimates:
         variance = np.maximum(variance, _variance_of_mean(black))
     with np.errstate(invalid="ignore"):
         size = np.clip(np.where(spread > 0.0, spread / variance, 1.0), 1.0, n_chains * n_draws)
+    size = 1.0 / (1.0 / size + 1.0 / (MOST_WORTH * smallest_ess))
     low, high = _wilson(share, size, np.maximum(len(parts) - 1.0, size / DRAWS_PER_DEGREE))
     low = np.where(share * size < FEWEST_OF_A_COLOUR, 0.0, low)
     high = np.where((1.0 - share) * size < FEWEST_OF_A_COLOUR, 1.0, high)

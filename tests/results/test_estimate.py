@@ -174,6 +174,10 @@ def test_compiled_and_plain_python_agree(square: float, monkeypatch: pytest.Monk
 N_CHAINS, N_DRAWS, N_SERIES = 4, 256, 2000
 
 
+CONVERGED = 1e6
+"""Smallest effective size of a run whose every functional is known better than what is asked."""
+
+
 def markov(seed: int, share: float, time: float, n_chains: int = N_CHAINS, n: int = N_SERIES) -> np.ndarray:
     """Return stationary binary chains (n_chains, n_draws, n) that forget their state after `time` draws on average."""
     rng = np.random.default_rng(seed)
@@ -201,7 +205,7 @@ def coverage(black: np.ndarray, low: np.ndarray, high: np.ndarray, share: float)
 def test_intervals_hold_as_often_as_promised(law, time: float, share: float) -> None:
     """Between 90 and 99.5 %: 2,000 series, coverages of 93 to 99 %, so a false alarm has p < 1e-3 in all of them."""
     black = law(1, share, time)
-    found = estimates(black, 10.0)
+    found = estimates(black, CONVERGED)
     assert 0.90 < coverage(black, found.low, found.high, share) < 0.995
 
 
@@ -215,15 +219,24 @@ def test_the_binomial_interval_of_all_draws_does_not(share: float) -> None:
 
 def test_intervals_of_many_effective_draws_are_hardly_wider_than_needed() -> None:
     black = markov(2, 0.3, 0.5)
-    found = estimates(black, 10.0)
+    found = estimates(black, CONVERGED)
     needed = 2.0 * 1.96 * np.sqrt(0.3 * 0.7 / (N_CHAINS * N_DRAWS) / np.tanh(1.0))
     assert needed < np.median(found.high - found.low) < 1.4 * needed
+
+
+def test_no_answer_is_worth_much_more_than_what_the_run_knows_least() -> None:
+    black = markov(2, 0.3, 0.5)
+    known, unknown = estimates(black, CONVERGED), estimates(black, 10.0)
+    assert (unknown.low <= known.low).all()
+    assert (known.high <= unknown.high).all()
+    of_eighty_draws = 2.0 * 1.96 * np.sqrt(0.3 * 0.7 / 80.0)
+    assert of_eighty_draws < np.median(unknown.high - unknown.low) < 1.4 * of_eighty_draws
 
 
 @pytest.mark.parametrize("n_chains", [1, 2])
 def test_fewer_chains(n_chains: int) -> None:
     black = markov(3, 0.3, 2.5, n_chains)
-    found = estimates(black, 10.0)
+    found = estimates(black, CONVERGED)
     assert 0.90 < coverage(black, found.low, found.high, 0.3) < 0.995
 
 
@@ -255,7 +268,7 @@ def test_a_colour_of_one_short_visit_may_have_no_probability() -> None:
     black = markov(8, 0.5, 1.0, n=2)
     black[:, :, 0] = False
     black[2, 100, 0] = True
-    found = estimates(black, 10.0)
+    found = estimates(black, CONVERGED)
     assert found.low[0] == 0.0 < found.high[0] < 0.02
     assert 0.3 < found.low[1] < 0.5 < found.high[1] < 0.7
 
@@ -269,10 +282,10 @@ def test_too_few_draws_leave_everything_open() -> None:
 
 def test_batches_of_intervals_do_not_change_them(monkeypatch: pytest.MonkeyPatch) -> None:
     black = markov(4, 0.2, 10.0, n=50)
-    whole = estimates(black, 10.0)
+    whole = estimates(black, CONVERGED)
     monkeypatch.setattr("prf.results.estimate.MOST_VALUES", 3 * N_CHAINS * N_DRAWS)
-    np.testing.assert_array_equal(estimates(black, 10.0), whole)
-    assert estimates(black[:, :, :0], 10.0).low.shape == (0,)
+    np.testing.assert_array_equal(estimates(black, CONVERGED), whole)
+    assert estimates(black[:, :, :0], CONVERGED).low.shape == (0,)
 
 
 def test_the_smallest_effective_size_is_that_of_colours_that_vary() -> None:
