@@ -87,7 +87,8 @@ Prf.estimate = (() => {
       spread = p * (1 - p),
       errors = [spread / ess, varianceOfMean(parts), chains.length > 1 ? varianceOfMean(chains) : 0],
       error = Math.max(...errors.filter((each) => !Number.isNaN(each))),
-      size = Math.min(Math.max(spread / error, 1), chains.length * n);
+      own = Math.min(Math.max(spread / error, 1), chains.length * n),
+      size = 1 / (1 / own + 1 / (8 * smallestEss)); // MOST_WORTH of prf.results.estimate
     const [low, high] = wilson(p, size, Math.max(parts.length - 1, size / 20));
     return { p, low: p * size < 3 ? 0 : low, high: (1 - p) * size < 3 ? 1 : high, ess, rhat };
   };
