@@ -25,9 +25,11 @@ PIECES = 8
 """Chains are cut into halves, a few chains into this many pieces in all, whose means are compared."""
 DRAWS_PER_DEGREE = 20.0
 """Effective draws for each degree of freedom of a long run, if that is more than the pieces give."""
-MOST_WORTH = 8.0
+MOST_WORTH = 4.0
 """No answer is worth more than about so many times the smallest effective sample size of the run: chains that have not
 explored everything may agree on an answer by chance."""
+APART = 1.1
+"""R-hat above which the parts of a chain are not independent: its chains alone are."""
 FEWEST_OF_A_COLOUR = 3.0
 """Effective draws of a colour below which that colour may as well have no probability at all."""
 MOST_VALUES = 1_000_000
@@ -265,13 +267,17 @@ def _batch(black: Bools, smallest_ess: float) -> Estimates:
     with np.errstate(invalid="ignore"):
         size = np.clip(np.where(spread > 0.0, spread / variance, 1.0), 1.0, n_chains * n_draws)
     size = 1.0 / (1.0 / size + 1.0 / (MOST_WORTH * smallest_ess))
-    low, high = _wilson(share, size, np.maximum(len(parts) - 1.0, size / DRAWS_PER_DEGREE))
+    rhat = split_rhat(black)
+    degrees = np.maximum(len(parts) - 1.0, size / DRAWS_PER_DEGREE)
+    if n_chains > 1:
+        degrees = np.where(rhat > APART, n_chains - 1.0, degrees)
+    low, high = _wilson(share, size, degrees)
     low = np.where(share * size < FEWEST_OF_A_COLOUR, 0.0, low)
     high = np.where((1.0 - share) * size < FEWEST_OF_A_COLOUR, 1.0, high)
     bound = -np.expm1(np.log(1.0 - LEVEL) / smallest_ess)  # rule of three: (1 - bound) ** ess = 0.05
     low = np.where(share == 1.0, 1.0 - bound, low)
     high = np.where(share == 0.0, bound, high)
-    return Estimates(share, low, high, np.where(spread > 0.0, ess, smallest_ess), split_rhat(black))
+    return Estimates(share, low, high, np.where(spread > 0.0, ess, smallest_ess), rhat)
 
 
 def _wilson(share: Floats, size: Floats, degrees: Floats) -> tuple[Floats, Floats]:

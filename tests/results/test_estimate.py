@@ -229,8 +229,8 @@ def test_no_answer_is_worth_much_more_than_what_the_run_knows_least() -> None:
     known, unknown = estimates(black, CONVERGED), estimates(black, 10.0)
     assert (unknown.low <= known.low).all()
     assert (known.high <= unknown.high).all()
-    of_eighty_draws = 2.0 * 1.96 * np.sqrt(0.3 * 0.7 / 80.0)
-    assert of_eighty_draws < np.median(unknown.high - unknown.low) < 1.4 * of_eighty_draws
+    of_forty_draws = 2.0 * 1.96 * np.sqrt(0.3 * 0.7 / 40.0)
+    assert of_forty_draws < np.median(unknown.high - unknown.low) < 1.4 * of_forty_draws
 
 
 @pytest.mark.parametrize("n_chains", [1, 2])

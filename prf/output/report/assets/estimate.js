@@ -56,6 +56,9 @@ Prf.estimate = (() => {
   }
   // Quantile 0.975 of Student's t: Abramowitz and Stegun 26.7.5, right to 1e-4 from seven degrees of freedom on.
   function studentQuantile(degrees) {
+    // Of few chains the series below is too coarse.
+    const few = [0, 12.7062047, 4.30265273, 3.18244631, 2.77644511, 2.57058184];
+    if (degrees < few.length && Number.isInteger(degrees)) return few[degrees];
     const z = 1.959963985,
       terms = [
         (z ** 3 + z) / 4,
@@ -88,8 +91,9 @@ Prf.estimate = (() => {
       errors = [spread / ess, varianceOfMean(parts), chains.length > 1 ? varianceOfMean(chains) : 0],
       error = Math.max(...errors.filter((each) => !Number.isNaN(each))),
       own = Math.min(Math.max(spread / error, 1), chains.length * n),
-      size = 1 / (1 / own + 1 / (8 * smallestEss)); // MOST_WORTH of prf.results.estimate
-    const [low, high] = wilson(p, size, Math.max(parts.length - 1, size / 20));
+      size = 1 / (1 / own + 1 / (4 * smallestEss)), // MOST_WORTH and APART of prf.results.estimate
+      degrees = chains.length > 1 && rhat > 1.1 ? chains.length - 1 : Math.max(parts.length - 1, size / 20),
+      [low, high] = wilson(p, size, degrees);
     return { p, low: p * size < 3 ? 0 : low, high: (1 - p) * size < 3 ? 1 : high, ess, rhat };
   };
 })();
