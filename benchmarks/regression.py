@@ -1,7 +1,7 @@
 """The rival that a statistician would try first: a logistic regression on counts of beams near a place (scikit-learn).
 
 Features of a place are the numbers of beams of a log that end, and that pass, in squares of several sizes round it. The
-regression is trained on the log itself, a fifth of its scans at a time asked of the counts of the others, and asks the
+regression is trained on the log itself, points of a fifth of its scans with the counts of the others, and predicts the
 same points as `prf score`. It is fitted twice: with the weights of points for the scores that have them, and without.
 """
 
@@ -15,16 +15,16 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from prf.configuration import Configuration
-from prf.kernels.score.passed_cells import count_passes
-from prf.kernels.state.grid import Grid, cells_of, make_grid, most_cells
+from prf.kernels.state.grid import Grid, cells_of, make_grid
 from prf.model.window import Window
 from prf.readings import Readings, read_readings, thin
-from prf.readings.ground import beam_ends, chosen_window
+from prf.readings.ground import chosen_window, count_beams
 from prf.results.score.heldout import HeldOut, hold_out
 from prf.results.score.score import LabelledPoints, classification_scores, draw_points
 from prf.shell.cli.storage import spawn_generators
 
 CELL = 0.1
+"""Side of the cells, metres."""
 WIDTHS = (1, 3, 5, 9, 17)
 """Cells along the squares in which beams are counted."""
 FOLDS = 5
@@ -50,11 +50,8 @@ class Counts(NamedTuple):
 def counted(readings: Readings, window: Window) -> Counts:
     """Return the counts of the beams of a log."""
     grid = make_grid(*window, CELL)
-    passes, path = np.zeros(grid.nx * grid.ny, np.int64), np.empty(most_cells(grid), np.int32)
-    inside = readings.select(window.contains(readings.origin, strictly=True))
-    end, returned = beam_ends(window, inside.origin, inside.angle, inside.range, inside.max_range)
-    count_passes(grid, np.ascontiguousarray(inside.origin), np.ascontiguousarray(end), path, passes)
-    hits = np.bincount(cells_of(grid, end[returned]), minlength=len(passes))
+    kept = readings.select(window.contains(readings.origin, strictly=True))
+    passes, hits, _ = count_beams(grid, window, kept.origin, kept.angle, kept.range, kept.max_range)
     images = [layer.reshape(grid.ny, grid.nx).astype(np.float64) for layer in (hits, passes)]
     sums = [ndimage.uniform_filter(image, width, mode="constant") * width**2 for image in images for width in WIDTHS]
     return Counts(grid, np.maximum(np.round(np.reshape(sums, (len(sums), -1))), 0.0))
@@ -78,22 +75,22 @@ def regression_scores(
     kept = kept.within(hold_out(kept, config).model.limit)
     window = chosen_window(None, kept.origin, kept.angle, kept.range)
     rng = np.random.default_rng(seed)
-    rows = []
+    rows, number = [], np.unique(kept.scan, return_inverse=True)[1]
     for fold in range(FOLDS):
-        asked = kept.scan // max(1, int(np.diff(np.unique(kept.scan)).min())) % FOLDS == fold
-        points = labelled(hold_out(kept.select(asked), config), window, rng)
+        of_fold = number % FOLDS == fold
+        points = labelled(hold_out(kept.select(of_fold), config), window, rng)
         some = rng.permutation(len(points.occupied))[:MOST_POINTS]
         assert points.weight is not None
-        others = counted(kept.select(~asked), window).features(points.xy[some])
+        others = counted(kept.select(~of_fold), window).features(points.xy[some])
         rows.append((others, points.occupied[some], points.weight[some]))
     features, occupied, weight = (np.concatenate(column) for column in zip(*rows, strict=True))
     beams = hold_out(whole, config.replace(scans=held_out))
     points = labelled(beams, window, spawn_generators(seed, 1)[0])
     places = counted(kept, window).features(points.xy)
     found: dict[str, float] = {}
-    for name, weights, asked_with in (("", weight, points.weight), ("_unweighted", None, None)):
+    for name, weights, scored_with in (("", weight, points.weight), ("_unweighted", None, None)):
         model = make_pipeline(StandardScaler(), LogisticRegression(max_iter=300))
         model.fit(features, occupied, logisticregression__sample_weight=weights)
-        scores = classification_scores(model.predict_proba(places)[:, 1], points.occupied, asked_with)
+        scores = classification_scores(model.predict_proba(places)[:, 1], points.occupied, scored_with)
         found |= {f"{score}{name}": value for score, value in scores.items()}
     return found

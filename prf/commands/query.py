@@ -55,10 +55,10 @@ def query(
     draws that are black at the point, or in which the square is not completely white, and nan outside the window; seen
     is 1 where a reading crossed the cell of the image that holds the point, or ended in it; p_return is the probability
     that a beam which reaches the square (0.2 m without --square) ends in it, at a wall or at what no wall explains.
-    With --path: p_free, the share
-    of draws in which a disc can follow the whole path, nan if the path leaves the window; what the disc alone covers
-    beyond it is taken as free. low and high bound the probability at 95 % for the Monte Carlo error alone, from ESS
-    and R-hat of the very question. A GRID has no such error, and answers for its cells, taken as independent: that
+    With --path: p_free, the share of draws in which a disc can follow the whole path, nan if the path leaves the
+    window; what the disc alone covers beyond it is taken as free. Of a path that is free in less than 0.95 of the draws
+    the piece that blocks it is named. low and high bound the probability at 95 % for the Monte Carlo error alone, from
+    ESS and R-hat of the very question. A GRID has no such error, and answers for its cells, taken as independent: that
     not all cells with their centres in a square, or all cells that the disc touches, are free.
     """
     from prf.output.run import read_run

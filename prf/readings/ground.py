@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from prf.kernels.readings.cones import MAX_DISTANCE
 from prf.kernels.score.passed_cells import choose_lacking, count_passes, mark_cones
-from prf.kernels.state.grid import Grid, make_grid, most_cells
+from prf.kernels.state.grid import Grid, cells_of, make_grid, most_cells
 from prf.model.layout import image_grid
 from prf.model.ranges import make_poses, unit_vectors, window_exit
 from prf.model.sensors import SonarModel
@@ -88,13 +88,25 @@ def beam_ends(window: Window, origin: Floats, angle: Floats, ranges: Floats, max
     return origin + np.where(returned, ranges, reach)[:, None] * direction, returned
 
 
+def count_beams(
+    grid: Grid, window: Window, origin: Floats, angle: Floats, ranges: Floats, max_range: float
+) -> tuple[Ints, Ints, Floats]:
+    """Return how many beams reach each cell of a grid (n_cells,), how many return from it, and these returns (m, 2).
+
+    Parameters and units as of :func:`beam_ends`.
+    """
+    passes = np.zeros(grid.nx * grid.ny, np.int64)
+    end, returned = beam_ends(window, origin, angle, ranges, max_range)
+    path = np.empty(most_cells(grid), np.int32)
+    count_passes(grid, np.ascontiguousarray(origin), np.ascontiguousarray(end), path, passes)
+    hits = np.bincount(cells_of(grid, end[returned]), minlength=len(passes))
+    return passes, hits, end[returned]
+
+
 def seen_by_beams(grid: Grid, window: Window, origin: Floats, angle: Floats, ranges: Floats, max_range: float) -> Bools:
     """Return which cells (ny, nx) of a grid beams crossed or ended in; parameters as of :func:`beam_ends`."""
-    passes = np.zeros((grid.ny, grid.nx), np.int64)
-    end, _ = beam_ends(window, origin, angle, ranges, max_range)
-    path = np.empty(most_cells(grid), np.int32)
-    count_passes(grid, np.ascontiguousarray(origin), np.ascontiguousarray(end), path, passes.reshape(-1))
-    seen: Bools = passes > 0
+    passes, _, _ = count_beams(grid, window, origin, angle, ranges, max_range)
+    seen: Bools = passes.reshape(grid.ny, grid.nx) > 0
     return seen
 
 

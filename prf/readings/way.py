@@ -14,11 +14,10 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from prf.kernels.score.passed_cells import count_passes
-from prf.kernels.state.grid import Grid, cells_of, make_grid, most_cells
+from prf.kernels.state.grid import Grid, cells_of, make_grid
 from prf.kernels.state.guards import GUARD_WAY, N_SHAPE
 from prf.model.window import Window
-from prf.readings.ground import MAX_CELLS, beam_ends
+from prf.readings.ground import MAX_CELLS, count_beams
 from prf.readings.readings import Readings
 
 Floats = NDArray[np.float64]
@@ -46,7 +45,7 @@ class Sightlines(NamedTuple):
     walls: Floats  # (m, 2) returns where most of the beams end, metres
 
     def is_seen(self, line: Floats, radius: float) -> bool:
-        """Return whether beams reached all ground along a line x0, y0, x1, y1, and on either side of it."""
+        """Return whether beams reached all ground along a line x0, y0, x1, y1, and at `radius` to its sides, metres."""
         along = line[2:] - line[:2]
         length = float(np.hypot(*along))
         side = radius * np.array([-along[1], along[0]]) / length
@@ -61,15 +60,14 @@ def sightlines_of(sensors: Sequence[Readings], window: Window) -> Sightlines:
     passes, hits = np.zeros(grid.nx * grid.ny, np.int64), np.zeros(grid.nx * grid.ny, np.int64)
     returns = [np.zeros((0, 2))]
     for part in sensors:
-        inside = part.select(window.contains(part.origin, strictly=True))
-        end, returned = beam_ends(window, inside.origin, inside.angle, inside.range, inside.max_range)
-        path = np.empty(most_cells(grid), np.int32)
-        count_passes(grid, np.ascontiguousarray(inside.origin), np.ascontiguousarray(end), path, passes)
-        hits += np.bincount(cells_of(grid, end[returned]), minlength=len(hits))
-        returns.append(end[returned])
-    found = np.concatenate(returns)
-    cells = cells_of(grid, found)
-    return Sightlines(grid, passes, found[hits[cells] >= SOLID * passes[cells]])
+        kept = part.select(window.contains(part.origin, strictly=True))
+        found = count_beams(grid, window, kept.origin, kept.angle, kept.range, kept.max_range)
+        passes += found[0]
+        hits += found[1]
+        returns.append(found[2])
+    ends = np.concatenate(returns)
+    cells = cells_of(grid, ends)
+    return Sightlines(grid, passes, ends[hits[cells] >= SOLID * passes[cells]])
 
 
 def driven_way(
@@ -97,7 +95,7 @@ def sensor_tracks(readings: Readings) -> list[NDArray[np.float64]]:
 def way_of(tracks: Sequence[Floats], sight: Sightlines, window: Window, radius: float) -> Floats:
     """Return the pieces (k, 4) of the way: ends x0, y0, x1, y1 in metres, both the same for a place alone.
 
-    `tracks` (n, 2).
+    `tracks` (n, 2) and `radius`, of the disc that was free: metres.
     """
     lines = [line for track in tracks for line in _joined(track, sight, window, radius)]
     pieces = [np.hstack([line[:-1], line[1:]]) if len(line) > 1 else np.hstack([line, line]) for line in lines]
