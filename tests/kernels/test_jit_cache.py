@@ -62,6 +62,7 @@ def call(kernels: Path, **environment: str) -> tuple[float, int, Path]:
     return float(value), int(hits), Path(folder)
 
 
+@pytest.mark.slow
 def test_an_edited_callee_never_runs_stale_code(kernels: Path) -> None:
     assert call(kernels)[:2] == (11.0, 0)
     assert call(kernels)[:2] == (11.0, 1), "a second process must find the code of the first"

@@ -27,7 +27,6 @@ from tests.statistical.ways import plain
 SEED = 20050726
 COSTS = [pytest.param(np.inf, id="hard"), pytest.param(0.7, id="at a cost")]
 N_WORLDS = 200
-FEW = {"n": 10_000, "draws": 150, "thin": 4000, "batches": 25}
 SOME = {"n": 40_000, "draws": 400, "thin": 4000, "batches": 25}
 MANY = {"n": 400_000, "draws": 4000, "thin": 4000, "batches": 100}
 
@@ -45,11 +44,8 @@ def named(z: Floats) -> dict[str, float]:
     return dict(zip(driven.NAMES, z.round(2).tolist(), strict=True))
 
 
-@pytest.mark.parametrize(
-    ("size", "limit"),
-    [(FEW, 4.5), pytest.param(SOME, 4.5, marks=pytest.mark.slow), pytest.param(MANY, 4.0, marks=pytest.mark.slow)],
-    ids=["few", "some", "many"],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize(("size", "limit"), [(SOME, 4.5), (MANY, 4.0)], ids=["some", "many"])
 @pytest.mark.parametrize("cost", COSTS)
 def test_maps_are_those_of_the_prior_whose_way_is_free(cost: float, size: dict[str, int], limit: float) -> None:
     z = compared(cost, size)

@@ -91,6 +91,7 @@ def test_loops_obey_the_laws_of_the_prior() -> None:
     assert not scores.beyond(4.5), scores.worst()
 
 
+@pytest.mark.slow
 def test_loops_with_too_many_births_do_not() -> None:
     """By a half, in the ratio alone."""
     assert abs(prior_scores(8000, surplus=1.5).worst(1)[0][1]) > 6.0

@@ -112,7 +112,7 @@ def test_a_sub_window_of_a_field_is_a_field() -> None:
 
 
 N_CHAINS = 4
-MCMC_FAST = {1.0: (600, 20), 0.5: (600, 20), 0.4: (200, 25)}
+MCMC_FAST = {1.0: (600, 20), 0.5: (600, 20)}
 MCMC_FULL = {1.0: (9000, 40), 0.5: (12_000, 40), 0.4: (3000, 100)}
 """Draws of each chain at the spacing that the sampler chooses, and how many make a batch.
 
@@ -150,7 +150,7 @@ def chain_report(scores: LawScores, limit: float, n_batches: int) -> str:
     )
 
 
-@pytest.mark.parametrize(("scale", "window"), CASES)
+@pytest.mark.parametrize(("scale", "window"), CASES[:2])
 def test_the_chain_obeys_the_laws(scale: float, window: Window) -> None:
     n_draws, batch = MCMC_FAST[scale]
     scores, draws = scores_of_chains(scale, window, n_draws, batch)
