@@ -15,6 +15,7 @@ from prf.model.sensors import LARGEST_COORDINATE
 from prf.model.window import Window
 from prf.poses.posterior import Trajectory
 from prf.readings import PointTable, Readings
+from prf.readings.counts import BeamCounts
 from prf.results import names
 from prf.results.geojson import read_map_feature
 from prf.results.run import PosteriorImage, RunData
@@ -133,7 +134,27 @@ def read_readings(path: Path) -> dict[str, Any]:
     if not np.isfinite(way).all():
         raise damaged(path, f"array {names.WAY} has a value that is not finite")
     has_others = sonar is not None or points is not None
-    return {"laser": None if has_others and laser.n_beams == 0 else laser, "sonar": sonar, "points": points, "way": way}
+    return {
+        "laser": None if has_others and laser.n_beams == 0 else laser,
+        "sonar": sonar,
+        "points": points,
+        "way": way,
+        "counts": _take_counts(path, arrays) if names.COUNT_PREFIX + "passes" in arrays else None,
+    }
+
+
+def _take_counts(path: Path, arrays: dict[str, NDArray[Any]]) -> BeamCounts:
+    passes = take_array(path, arrays, names.COUNT_PREFIX + "passes", np.int32, (None, None))
+    counts = BeamCounts(
+        passes,
+        take_array(path, arrays, names.COUNT_PREFIX + "returns", np.int32, passes.shape),
+        take_array(path, arrays, names.COUNT_PREFIX + "origin", np.float64, (2,)),
+        float(take_array(path, arrays, names.COUNT_PREFIX + "cell", np.float64, ())),
+    )
+    is_placed = (np.abs(counts.origin) <= LARGEST_COORDINATE).all() and 0.0 < counts.cell <= LARGEST_COORDINATE
+    if not (is_placed and (counts.returns >= 0).all() and (counts.returns <= passes).all()):
+        raise damaged(path, "counts of beams that cannot be")
+    return counts
 
 
 def _take_readings(path: Path, arrays: dict[str, NDArray[Any]], prefix: str) -> Readings:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from prf.model.coloring import Coloring, Draws
 from prf.poses.posterior import Trajectory
 from prf.readings import PointTable, Readings
+from prf.readings.counts import BeamCounts
 from prf.results.convergence import Diagnosis
 from prf.results.estimate import by_chain, smallest_ess
 from prf.shell.errors import InputError
@@ -52,6 +53,9 @@ class RunData:
         None too where the run used no point observations.
     way : (k, 4) float64
         Pieces of the way driven that was held free: ends x0, y0, x1, y1 in metres.
+    counts : BeamCounts or None
+        How many beams of the chosen scans, thinned away or not, reach each place, and how many return from it; None
+        where there is no laser or poses were sampled, and of runs of earlier releases.
     trajectory : Trajectory or None
         The poses that were sampled with the map; None where they were fixed. Readings are at the given ones.
     best : Coloring or None
@@ -78,6 +82,7 @@ class RunData:
     sonar: Readings | None = None
     points: PointTable | None = None
     way: NDArray[np.float64] = dataclasses.field(default_factory=lambda: np.empty((0, 4)))
+    counts: BeamCounts | None = None
     trajectory: Trajectory | None = None
     best: Coloring | None = None
     best_log_posterior: float = float("nan")

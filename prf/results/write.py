@@ -137,6 +137,8 @@ def write_readings(folder: Path, run: RunData) -> None:
     """Write readings.npz; readings at or beyond the max range are written as inf, no laser as no beams."""
     laser = run.laser if run.laser is not None else Readings.from_arrays([0.0, 0.0], [], []).within(np.nan)
     arrays = {**_arrays_of(laser), names.WAY: run.way.astype(np.float64)}
+    if run.counts is not None:
+        arrays |= {names.COUNT_PREFIX + name: np.asarray(value) for name, value in run.counts._asdict().items()}
     if run.sonar is not None:
         sonar = {**_arrays_of(run.sonar), "cone": run.sonar.cone}
         arrays |= {names.SONAR_PREFIX + name: values for name, values in sonar.items()}

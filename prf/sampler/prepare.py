@@ -28,6 +28,7 @@ from prf.readings import (
     thin,
     warn_of_spoiling,
 )
+from prf.readings.counts import BeamCounts, beam_counts
 from prf.readings.describe import default_max_range
 from prf.readings.ground import chosen_window, seen_cells, thin_beams
 from prf.readings.readings import fields_of_view
@@ -62,6 +63,7 @@ class Prepared(NamedTuple):
     n_outside: int  # readings dropped because their sensor is not inside the window
     n_points_outside: int  # point observations dropped because they do not lie inside the window
     n_beams_thinned: int = 0  # beams inside the window that thinning left out
+    counts: BeamCounts | None = None  # of these beams and the others; None without a laser, and of uncertain poses
 
     def announce(self) -> None:
         """Warn of readings and points outside the window, and log why not all beams of a dense log are used."""
@@ -198,7 +200,8 @@ def prepare(
     )
     n_points_outside = 0 if observed is None or points is None else len(observed.value) - len(points.value)
     n_thinned = 0 if inside is None or kept_beams is None else len(inside.range) - len(kept_beams.range)
-    return Prepared(target, resolved, n_outside, n_points_outside, n_thinned)
+    counts = None if inside is None or whole is not None else beam_counts(window, inside)
+    return Prepared(target, resolved, n_outside, n_points_outside, n_thinned, counts)
 
 
 def _resolved(

@@ -19,6 +19,7 @@ from typing import Any
 from prf.configuration import Configuration
 from prf.output.run import Run, read_run
 from prf.readings import log_stem
+from prf.readings.counts import BeamCounts
 from prf.results import Progress, Status, names, read_manifest, write_run
 from prf.results.convergence import Diagnosis, verdict
 from prf.results.write import (
@@ -163,6 +164,7 @@ class Session:
     seed: int
     process: dict[str, Any]  # versions, platform, command, inputs (:func:`prf.shell.cli.storage.describe_process`)
     folder: Path | None = None
+    counts: BeamCounts | None = None  # of the beams, thinned away or not
     seconds_before: float = 0.0  # sampling in earlier processes of a resumed run
     is_resumed: bool = False  # whether the folder holds the run already
     progress: Progress = UNMOVED
@@ -181,7 +183,7 @@ class Session:
     ) -> Session:
         """Return a run of fresh chains; the manifest keeps `sources`: what has set each value of the configuration."""
         ensemble = make_ensemble(prepared.config, prepared.target, seed, threads)
-        return cls(ensemble, prepared.config, seed, describe_start(logs, prepared, sources), folder)
+        return cls(ensemble, prepared.config, seed, describe_start(logs, prepared, sources), folder, prepared.counts)
 
     @classmethod
     def resume(
@@ -207,7 +209,7 @@ class Session:
         process = {key: run.manifest[key] for key in PROCESS_KEYS if key in run.manifest}
         seconds = float(run.manifest.get("seconds", 0.0))
         ensemble = make_ensemble(config, target, stored_seed, threads)
-        session = cls(ensemble, config, stored_seed, process, folder, seconds_before=seconds, is_resumed=True)
+        session = cls(ensemble, config, stored_seed, process, folder, run.counts, seconds, is_resumed=True)
         load_checkpoint(folder, ensemble, session.identity())
         return session
 
@@ -294,6 +296,7 @@ class Session:
             sonar=sonar,
             points=None if target.points is None else target.points.readings,
             way=target.way,
+            counts=self.counts,
             trajectory=ensemble.trajectory(),
             best=None if best is None else best.coloring,
             best_log_posterior=float("nan") if best is None else float(best.functionals[-1]),

@@ -13,6 +13,7 @@ from prf.model.coloring import Coloring, Draws
 from prf.model.window import Window
 from prf.output.run import Run, read_run
 from prf.poses.plane import wrapped
+from prf.readings.counts import beam_counts
 from prf.results import read_map_feature, write_run
 from prf.results.inspection import inspect_files
 from prf.results.names import SCHEMAS
@@ -99,6 +100,19 @@ def test_a_run_interrupted_before_its_first_draw_is_valid(tmp_path: Path) -> Non
         "checkpoint.npz": "missing",
         "posterior.png": "missing",
     }
+
+
+def test_counts_of_beams_round_trip(tmp_path: Path) -> None:
+    run = make_run()
+    assert run.laser is not None
+    counts = beam_counts(run.draws.window, run.laser)
+    write_run(tmp_path, replace(run, counts=counts))
+    read = read_run(tmp_path).counts
+    assert read is not None
+    for name, value in counts._asdict().items():
+        np.testing.assert_array_equal(getattr(read, name), value)
+    write_run(tmp_path, run)
+    assert read_run(tmp_path).counts is None, "runs of earlier releases have none"
 
 
 @pytest.fixture

@@ -4,6 +4,8 @@ Draws say where walls are in a map at the given poses. A later beam meets them o
 and meets what no wall explains: people, chairs, glass. Both are measured on the readings that the map was made from:
 
 - **spread**: standard deviation of the returns that a wall explains about it, metres. Draws are displaced by so much;
+- **counts**: of beams that end and that cross round the place itself. They show within centimetres what is met there,
+  and share the word with the wall of the draws by weights that were fitted once, on real logs (docs/scores.md);
 - **clutter**: unexplained returns a metre of beam, a Poisson process with one rate a cell, that has a Gamma prior.
 """
 
@@ -23,6 +25,7 @@ from prf.model.ranges import unit_vectors, window_exit
 from prf.model.sensors import LaserModel
 from prf.model.window import Window
 from prf.readings import Readings
+from prf.readings.counts import BeamCounts, beam_counts
 from prf.results.estimate import occupied_probability
 from prf.results.run import RunData
 from prf.results.score.scene import first_edges
@@ -45,6 +48,15 @@ MOST_BEAMS = 100_000
 CHORD = 0.25 * math.pi
 """Mean length of a beam in a cell or a square that it passes, in sides: that of a line in a random direction."""
 
+COUNTED = 0.5
+"""Side of the square in which beams are counted, in sides of the square that is asked for: its middle decides."""
+PRIOR_BEAMS = 1.0
+"""Beams by which both counts are larger in their ratio: a few beams alone say little."""
+LEAST = 1e-3
+"""Probabilities are taken for at least this far from 0 and 1."""
+WEIGHTS = (-1.32, 0.91, 0.91, 1.01, -0.09, 0.32)
+"""Of 1 and of :func:`evidence` in the logit of p_return (python -m benchmarks.returns)."""
+
 Floats = NDArray[np.float64]
 
 
@@ -61,12 +73,15 @@ class Returns(NamedTuple):
         Returns a metre of beam that no wall explains, row 0 lowest.
     origin : (2,) float64
         Lower left corner of cell (0, 0), metres.
+    counts : BeamCounts
+        Of all beams of the run.
     """
 
     spread: float
     explained: float
     rate: Floats
     origin: Floats
+    counts: BeamCounts
 
     def clutter(self, xy: Floats, square: float) -> Floats:
         """Return how probably a beam that reaches the square round each point (n, 2) ends in it without a wall."""
@@ -80,19 +95,23 @@ def returns_of_run(run: RunData) -> Returns | None:
     laser = run.placed().laser
     if laser is None or len(run.draws) == 0:
         return None
+    # Of sampled poses only the readings that the map was made from are known where they were.
+    counts = run.counts if run.trajectory is None else None
     kept = run.manifest["configuration"]
     settings = {name: kept[name] for name in LaserModel.model_fields if name in kept}
-    return returns_of(run.draws, laser, LaserModel(**settings | {"max_range": laser.max_range}))
+    return returns_of(run.draws, laser, LaserModel(**settings | {"max_range": laser.max_range}), counts)
 
 
-def returns_of(draws: Draws, laser: Readings, model: LaserModel) -> Returns:
+def returns_of(draws: Draws, laser: Readings, model: LaserModel, counts: BeamCounts | None = None) -> Returns:
     """Return what the readings of a laser met beside the walls of draws.
 
-    `model`: of which the draws were made; without a return a reading is inf, or at or beyond `model.limit`.
+    `model`: of which the draws were made; without a return a reading is inf, or at or beyond `model.limit`. `counts`:
+    those of all beams, if more are known than these.
     """
     window = draws.window
-    inside = np.flatnonzero(window.contains(laser.origin, strictly=True))
-    laser = laser.select(inside[:: 1 + len(inside) // MOST_BEAMS])
+    laser = laser.select(np.flatnonzero(window.contains(laser.origin, strictly=True)))
+    counts = counts or beam_counts(window, laser)
+    laser = laser.select(np.arange(laser.n_beams)[:: 1 + laser.n_beams // MOST_BEAMS])
     direction = unit_vectors(laser.angle)
     reach = np.minimum(model.limit, window_exit(window, laser.origin, direction))
     rays = np.ascontiguousarray(np.column_stack([laser.origin, direction, reach]))
@@ -104,7 +123,7 @@ def returns_of(draws: Draws, laser: Readings, model: LaserModel) -> Returns:
     end = np.ascontiguousarray(laser.origin + np.minimum(laser.range, reach)[:, None] * direction)
     unexplained = np.where(has_return, 1.0 - explained.mean(axis=0), 0.0)
     rate, origin = _rates(window, np.ascontiguousarray(laser.origin), end, unexplained)
-    return Returns(spread, model.hit_probability / (1.0 - model.miss_probability), rate, origin)
+    return Returns(spread, model.hit_probability / (1.0 - model.miss_probability), rate, origin, counts)
 
 
 def _explained(model: LaserModel, off: Floats) -> tuple[float, Floats]:
@@ -143,11 +162,32 @@ def _rates(window: Window, start: Floats, end: Floats, unexplained: Floats) -> t
 def return_probability(draws: Draws, returns: Returns | None, xy: Floats, square: float) -> Floats:
     """Return how probably a beam that reaches the square round each point ends in it (n,); nan outside the window.
 
-    `xy` (n, 2) and `square`, its side: metres. A wall in it, in draws displaced by the spread of returns, or clutter.
-    Without `returns`: the share of draws in which the square is not completely white.
+    `xy` (n, 2) and `square`, its side: metres. Without `returns`: the share of draws in which the square is not
+    completely white.
     """
     if returns is None:
         return occupied_probability(draws, xy, square)
+    logit = WEIGHTS[0] + evidence(draws, returns, xy, square) @ np.array(WEIGHTS[1:])
+    free = (1.0 - 1.0 / (1.0 + np.exp(-logit))) * (1.0 - returns.clutter(xy, square))
+    return np.where(draws.window.contains(xy), 1.0 - free, np.nan)
+
+
+def evidence(draws: Draws, returns: Returns, xy: Floats, square: float) -> Floats:
+    """Return what speaks for a return from the square round each point (n, 5); nan outside the window.
+
+    The logit of the probability that a wall returns a beam from it, the log of the ratio of beams that ended in its
+    middle to those that crossed it, the log of their number, one added, and the first two times the third: the more
+    beams there are, the less the draws' word counts and the more theirs.
+    """
+    wall = np.clip(_wall_probability(draws, returns, xy, square), LEAST, 1.0 - LEAST)
+    ends, crossing = returns.counts.within(xy, COUNTED * square)
+    ratio = np.log((ends + PRIOR_BEAMS) / (crossing + PRIOR_BEAMS))
+    claim, number = np.log(wall / (1.0 - wall)), np.log1p(ends + crossing)
+    return np.column_stack([claim, ratio, number, claim * number, ratio * number])
+
+
+def _wall_probability(draws: Draws, returns: Returns, xy: Floats, square: float) -> Floats:
+    """Return how probably a wall of the draws, displaced by the spread of returns, returns a beam from the square."""
     chosen = spread_over(len(draws), MOST_DRAWS)
     wall, weight = np.zeros(len(xy)), np.zeros(len(xy))
     for place, offset in enumerate(returns.spread * _normal_places(N_PLACES)):
@@ -156,9 +196,7 @@ def return_probability(draws: Draws, returns: Returns | None, xy: Floats, square
         known = np.isfinite(share)
         wall[known] += len(some) * share[known]
         weight[known] += len(some)
-    wall = np.where(weight > 0.0, wall / np.maximum(weight, 1.0), np.nan)
-    free = (1.0 - returns.explained * wall) * (1.0 - returns.clutter(xy, square))
-    return np.where(draws.window.contains(xy), 1.0 - free, np.nan)
+    return returns.explained * np.where(weight > 0.0, wall / np.maximum(weight, 1.0), np.nan)
 
 
 def spread_over(n: int, most: int) -> NDArray[np.int64]:

@@ -12,8 +12,9 @@ from prf.model.coloring import Coloring, Draws, from_polygons
 from prf.model.sensors import LaserModel
 from prf.model.window import Window
 from prf.readings import Readings
+from prf.readings.counts import beam_counts
 from prf.results.estimate import occupied_probability
-from prf.results.score.returns import Returns, return_probability, returns_of
+from prf.results.score.returns import Returns, evidence, return_probability, returns_of
 
 ROOM = Window(0.0, 0.0, 10.0, 10.0)
 WALL = shapely.box(7.0, 0.5, 8.0, 9.5)
@@ -79,9 +80,28 @@ def test_a_map_alone_is_too_sure_where_readings_are_not(draws: Draws, returns: R
 
 def test_draws_count_as_often_as_they_have_a_wall(returns: Returns) -> None:
     mixed = Draws.from_colorings([from_polygons(WALL, ROOM), Coloring.empty(ROOM)] * 300)
-    found = return_probability(mixed, returns, np.array([[7.5, 3.0], [-1.0, 3.0]]), 0.2)
-    assert found[0] == pytest.approx(0.5 * returns.explained, abs=0.02)
-    assert math.isnan(found[1])
+    wall, ratio, number, *_ = evidence(mixed, returns, np.array([[7.5, 3.0], [-1.0, 3.0]]), 0.2).T
+    assert 1.0 / (1.0 + math.exp(-wall[0])) == pytest.approx(0.5 * returns.explained, abs=0.02)
+    assert ratio[0] == number[0] == 0.0, "no beam came so far"
+    assert math.isnan(return_probability(mixed, returns, np.array([[-1.0, 3.0]]), 0.2)[0])
+
+
+def test_places_that_beams_cross_and_end_in_speak_for_themselves(returns: Returns) -> None:
+    """In draws that know nothing of the wall: where beams ended, p_return is high all the same."""
+    empty = Draws.from_colorings([Coloring.empty(ROOM)] * 40)
+    wall, crossed, beyond = return_probability(empty, returns, np.array([[6.98, 3.0], [6.0, 3.0], [9.0, 3.0]]), 0.2)
+    assert wall > 0.5
+    assert crossed < 1e-3
+    assert crossed < beyond < 0.5
+
+
+def test_counts_of_all_beams_are_taken_where_they_are_known(draws: Draws) -> None:
+    few, many = beams(1).select(np.arange(500)), beams(1)
+    counts = beam_counts(ROOM, many)
+    xy = np.array([[6.98, 3.0], [3.0, 7.0]])
+    found = evidence(draws, returns_of(draws, few, MODEL, counts), xy, 0.2)
+    np.testing.assert_array_equal(found[:, 1:3], evidence(draws, returns_of(draws, many, MODEL), xy, 0.2)[:, 1:3])
+    assert (found[:, 2] > evidence(draws, returns_of(draws, few, MODEL), xy, 0.2)[:, 2] + 2.0).all()
 
 
 def test_without_a_laser_it_is_the_share_of_draws(draws: Draws) -> None:

@@ -14,6 +14,7 @@ from scipy import stats
 from prf.model.coloring import Coloring, Draws, from_polygons, occupied_polygons
 from prf.model.window import Window
 from prf.readings import Readings
+from prf.readings.counts import BeamCounts
 from prf.results import PosteriorImage
 from prf.results.occupancy import OccupancyGrid
 from prf.results.score import (
@@ -251,7 +252,8 @@ class TestPoints:
 
     def test_a_run_is_asked_where_beams_end_and_where_it_is_black(self) -> None:
         coloring = from_polygons(WALL, ROOM)
-        returns = Returns(0.1, 0.9, np.full((60, 60), 0.05), np.zeros(2))
+        none = np.zeros((20, 20), np.int32)
+        returns = Returns(0.1, 0.9, np.full((60, 60), 0.05), np.zeros(2), BeamCounts(none, none, np.zeros(2), 0.5))
         scored = DrawsMap(Draws.from_colorings([coloring]), coloring, returns=returns)
         beams = held([[2.0, 5.0], [2.0, 5.0]], [0.0, 0.1], [4.85, 1.5])
         found = score(scored, beams, 1)
