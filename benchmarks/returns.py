@@ -25,11 +25,9 @@ from benchmarks.scores import HELD_OUT, MAX_RANGE, SECONDS, SETS, TUNED
 from prf.configuration import Configuration
 from prf.readings import read_readings
 from prf.results.read import read_run_data
-from prf.results.score.heldout import hold_out
+from prf.results.score.heldout import SQUARE, hold_out
 from prf.results.score.returns import LEAST, WEIGHTS, evidence, returns_of_run
 from prf.shell.cli.storage import spawn_generators
-
-SQUARE = 0.2
 
 Floats = NDArray[np.float64]
 

@@ -17,6 +17,7 @@ logger = logging.getLogger(__name__)
 
 EXAMPLES = (
     "prf export office --format ros-map",
+    "prf export office --format ros-map --returns",
     "prf export office -o office.dxf",
     "prf export office --draw 0 --format geojson -o - | head -c 300",
     "prf export data/demo-office.geojson --format ros-map --resolution 0.1 -o plan.yaml",
@@ -40,14 +41,13 @@ def export(
     ] = None,
     unknown: Annotated[
         tuple[float, float] | None,
-        typer.Option(
-            "--unknown",
-            metavar="LOW HIGH",
-            help="ros-map: cells of these probabilities are unknown.  [0.196 0.65]",
-        ),
+        typer.Option("--unknown", metavar="LOW HIGH", help="ros-map: unknown between these.  [0.196 0.65]"),
     ] = None,
     squares: Annotated[
         bool, typer.Option("--squares", help="ros-map: whether any part of a cell is occupied, not its centre.")
+    ] = False,
+    returns: Annotated[
+        bool, typer.Option("--returns", help="ros-map: how probably a beam that comes there ends there (p_return).")
     ] = False,
     resolution: Annotated[
         float | None,
@@ -80,7 +80,7 @@ def export(
     from prf.shell.cli.outputs import refuse_json_on_stream
 
     refuse_json_on_stream(output, json)
-    options = Options(format, draw, unknown, squares, resolution, extrapolate)
+    options = Options(format, draw, unknown, squares, returns, resolution, extrapolate)
     done = export_source(source, output, options, force)
     for note in done.notes:
         logger.warning(note)

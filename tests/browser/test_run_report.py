@@ -81,6 +81,18 @@ def test_paths_are_answered_as_by_query(opened, run):
     assert "Outside the window" in opened.locator("#answer").inner_text()
 
 
+def test_what_a_beam_meets_is_told_and_shown(opened, run):
+    row, column = np.transpose(np.nonzero(run.image.seen))[::37][1]
+    x, y = run.image.origin + run.image.resolution * np.array([column + 0.5, row + 0.5])
+    asked(opened, f"{x}, {y}")
+    words = opened.locator("#returned").inner_text()
+    assert float(words.split()[0]) == pytest.approx(run.return_probability([[x, y]])[0], abs=0.01)
+    before = opened.evaluate("document.getElementById('map').toDataURL()")
+    opened.click("[data-base=returns]")
+    assert "a beam which comes here" in opened.locator("#shown").inner_text()
+    assert opened.evaluate("document.getElementById('map').toDataURL()") != before
+
+
 @pytest.mark.parametrize("draw", [0, 71, 159])
 def test_a_draw_is_filled_with_its_colours(opened, run, draw):
     points = np.random.default_rng(draw).uniform(WINDOW[:2], WINDOW[2:], (300, 2))

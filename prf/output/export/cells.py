@@ -24,6 +24,8 @@ from prf.model.window import Window
 from prf.output.export.source import Map, Source
 from prf.results import PosteriorImage, names
 from prf.results.estimate import occupied_probability
+from prf.results.score.heldout import SQUARE
+from prf.results.score.returns import return_probability, returns_of_run
 from prf.shell.errors import InputError, UsageError
 
 RESOLUTION = 0.05  # metres a cell: what maps for navigation mostly have
@@ -77,6 +79,26 @@ def _all_cells(source: Source, draw: int | None, squares: bool, resolution: floa
     if squares:
         raise UsageError("--squares and --resolution: a run knows the squares of its own image alone.")
     return share_of_draws(run.draws, wanted)
+
+
+def returned(source: Source, extrapolate: float, resolution: float | None) -> Raster:
+    """Return p_return of a run on square cells: how probably a beam that comes there ends there.
+
+    Of the square of 0.2 m round the middle of each cell, or of the cell if that is
+    larger. Cells are nan as those of :func:`cells_of`.
+    """
+    run = source.require_run("returns")
+    if run.image is None:
+        raise run.missing(names.POSTERIOR)
+    returns = returns_of_run(run)
+    if returns is None:
+        raise InputError(f"{source.path}: it used no laser, so that it has no p_return. Leave --returns out.")
+    grid = _checked_grid(run.draws.window, resolution or _usual_resolution(run.draws.window, run.image))
+    middle = pixel_centres(grid)
+    known = run.image._replace(seen=known_cells(run.image, extrapolate)).seen_at(middle)
+    found = np.full(len(middle), np.nan)
+    found[known] = return_probability(run.draws, returns, middle[known], max(SQUARE, grid.cell))
+    return Raster(found.reshape(grid.ny, grid.nx), np.array([grid.x0, grid.y0]), grid.cell)
 
 
 def _usual_resolution(window: Window, image: PosteriorImage | None) -> float:

@@ -12,7 +12,7 @@ import shapely
 from shapely import MultiPolygon
 
 from prf.model.coloring import oriented_polygons
-from prf.output.export.cells import cells_of, cut_to_known, ros_map
+from prf.output.export.cells import cells_of, cut_to_known, returned, ros_map
 from prf.output.export.drawings import dxf_text, paper_ratio, svg_text
 from prf.output.export.netcdf import netcdf_bytes
 from prf.output.export.source import Source, read_source, require_existing, stem_of, trajectory_of, tum_text
@@ -47,6 +47,8 @@ class Options:
     unknown: tuple[float, float] | None = None
     # of a ROS map: whether a cell is not completely white instead of the colour of its centre
     squares: bool = False
+    # of a ROS map: the probability that a beam which reaches a cell ends in it, not that its centre is occupied
+    returns: bool = False
     resolution: float | None = None  # of a ROS map made from one map: side of a cell in metres
     # metres beyond the cells that readings saw up to which a RUN or a GRID is exported as it has it; None: 0
     extrapolate: float | None = None
@@ -75,7 +77,7 @@ def export_source(path: str | os.PathLike[str], output: str | None, options: Opt
         refuse_existing(file, force)
     refuse_inputs(files, [os.fspath(path)])
     with exclusive(*files):
-        source = read_source(path)
+        source = read_source(path, with_readings=options.returns)
         parts, facts = _content(name, source, options, files)
         with together():  # the yaml file of a ROS map, which names the image, is written last
             for target, part in reversed(list(zip(files, parts, strict=True))):
@@ -103,11 +105,14 @@ def check_options(name: str, options: Options) -> None:
     only_ros = {
         "--unknown": options.unknown is not None,
         "--squares": options.squares,
+        "--returns": options.returns,
         "--resolution": options.resolution is not None,
     }
     for flag, given in only_ros.items():
         if given and name != ROS_MAP:
             raise UsageError(f"{flag} is for --format {ROS_MAP} only, not {name}.")
+    if options.returns and (options.squares or options.draw is not None):
+        raise UsageError("--returns is of all draws and of whole cells: leave --squares and --draw out.")
     if options.extrapolate is not None and name in (NETCDF, TUM):
         raise UsageError(f"--extrapolate is for maps, not for --format {name}.")
     if options.extrapolate is not None and not 0.0 <= options.extrapolate < float("inf"):
@@ -193,12 +198,15 @@ def _printable(title: str) -> str:
 
 
 def _ros_map(source: Source, options: Options, image_name: str) -> tuple[tuple[str, bytes], dict[str, Any]]:
-    cells = cells_of(
-        source, options.draw, options.extrapolate or 0.0, squares=options.squares, resolution=options.resolution
-    )
+    extrapolate = options.extrapolate or 0.0
+    if options.returns:
+        cells = returned(source, extrapolate, options.resolution)
+    else:
+        cells = cells_of(source, options.draw, extrapolate, squares=options.squares, resolution=options.resolution)
     yaml, image, counts = ros_map(cells, options.unknown, image_name)
     n_rows, n_columns = cells.probability.shape
-    facts = {"n_columns": n_columns, "n_rows": n_rows, "resolution": cells.resolution, **counts}
+    what = "p_return" if options.returns else "p_occupied"
+    facts = {"probability": what, "n_columns": n_columns, "n_rows": n_rows, "resolution": cells.resolution, **counts}
     return (yaml, image), facts
 
 

@@ -80,14 +80,14 @@ def require_existing(path: str | os.PathLike[str]) -> None:
         raise InputError(f"{path}: no such file or directory.")
 
 
-def read_source(path: str | os.PathLike[str]) -> Source:
-    """Return the run in the directory, or the grid or the map in the file, `path`."""
+def read_source(path: str | os.PathLike[str], with_readings: bool = False) -> Source:
+    """Return the run in the directory, or the grid or the map in the file, `path`; of a run its readings if asked."""
     place = Path(path)
     if is_grid(place):
         return Source(place, grid=read_grid(place))
     if not place.is_dir():
         return Source(place, map=_read_map(place))
-    run = read_run_data(place, PARTS)
+    run = read_run_data(place, (*PARTS, names.READINGS) if with_readings else PARTS)
     title = f"{stem_of(place)}, best map"
     best = None if run.best is None else Map(run.best, {"log_posterior": run.best_log_posterior}, title)
     return Source(place, run=run, map=best)

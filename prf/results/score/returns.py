@@ -27,7 +27,8 @@ from prf.model.window import Window
 from prf.readings import Readings
 from prf.readings.counts import BeamCounts, beam_counts
 from prf.results.estimate import occupied_probability
-from prf.results.run import RunData
+from prf.results.run import PosteriorImage, RunData
+from prf.results.score.heldout import SQUARE
 from prf.results.score.scene import first_edges
 
 CELL = 0.2
@@ -170,6 +171,15 @@ def return_probability(draws: Draws, returns: Returns | None, xy: Floats, square
     logit = WEIGHTS[0] + evidence(draws, returns, xy, square) @ np.array(WEIGHTS[1:])
     free = (1.0 - 1.0 / (1.0 + np.exp(-logit))) * (1.0 - returns.clutter(xy, square))
     return np.where(draws.window.contains(xy), 1.0 - free, np.nan)
+
+
+def returned_cells(draws: Draws, returns: Returns, image: PosteriorImage) -> Floats:
+    """Return p_return of the square round the middle of each cell of an image (ny, nx); nan where no reading was."""
+    row, column = np.nonzero(image.seen)
+    found = np.full(image.seen.shape, np.nan)
+    middle = image.origin + image.resolution * (np.column_stack([column, row]) + 0.5)
+    found[row, column] = return_probability(draws, returns, middle, SQUARE)
+    return found
 
 
 def evidence(draws: Draws, returns: Returns, xy: Floats, square: float) -> Floats:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -148,6 +149,19 @@ def test_a_run_takes_finer_cells_from_its_draws(folder: Path, resolution: float 
     np.testing.assert_allclose(cells.probability.ravel()[inside], p)
 
 
+def test_returns_are_those_of_a_beam_that_comes_to_a_cell(folder: Path, tmp_path: Path) -> None:
+    run = read_run(folder)
+    facts = export_source(folder, str(tmp_path / "met.yaml"), Options(format="ros-map", returns=True)).facts
+    assert facts["probability"] == "p_return"
+    served = map_server.load(tmp_path / "met.yaml")
+    centres = pixel_centres(image_grid(run.draws.window, served.resolution))
+    known = run.draws.window.contains(centres) & run.image.seen_at(centres)
+    assert (served.data.ravel()[~known] == -1).all()
+    p = run.return_probability(centres[known])
+    np.testing.assert_array_equal(served.data.ravel()[known], np.where(p > 0.65, 100, np.where(p < 0.196, 0, -1)))
+    assert len(np.unique(served.data[served.data >= 0])) == 2
+
+
 def test_a_grid_serves_what_was_seen(tmp_path: Path) -> None:
     rng = np.random.default_rng(4)
     hits, misses = rng.integers(0, 3, (2, 6, 9), dtype=np.int32)
@@ -198,8 +212,17 @@ def test_what_a_ros_map_cannot_be_made_from(folder: Path, tmp_path: Path) -> Non
         export_source(folder, str(tmp_path / "a.yaml"), Options(format="ros-map", resolution=0.1, squares=True))
     with pytest.raises(UsageError, match="more than"):
         export_source(folder, str(tmp_path / "a.yaml"), Options(format="ros-map", resolution=1e-3, draw=0))
+    with pytest.raises(UsageError, match="leave --squares and --draw out"):
+        export_source(folder, str(tmp_path / "a.yaml"), Options(format="ros-map", returns=True, draw=0))
+    with pytest.raises(UsageError, match="--returns is for --format ros-map only"):
+        export_source(folder, str(tmp_path / "a.svg"), Options(format="svg", returns=True))
+    with pytest.raises(InputError, match="one map has no returns"):
+        export_source(folder / "map.geojson", str(tmp_path / "a.yaml"), Options(format="ros-map", returns=True))
+    write_run(tmp_path / "blind", dataclasses.replace(make_run(), laser=None))
+    with pytest.raises(InputError, match="used no laser"):
+        export_source(tmp_path / "blind", str(tmp_path / "a.yaml"), Options(format="ros-map", returns=True))
     early = make_run(n_draws=0)
     write_run(tmp_path / "early", early)
     with pytest.raises(InputError, match=r"posterior\.npz: no such file"):
         export_source(tmp_path / "early", str(tmp_path / "a.yaml"), Options(format="ros-map"))
-    assert [path.name for path in tmp_path.iterdir()] == ["early"]
+    assert {path.name for path in tmp_path.iterdir()} == {"blind", "early"}

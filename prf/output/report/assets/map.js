@@ -1,5 +1,5 @@
 "use strict";
-// The map on a canvas. look: { base: "posterior" | "draw" | "best", draw, outline, path, ellipses, given, readings,
+// The map on a canvas. look: { base: "posterior" | "returns" | "draw" | "best", draw, outline, path, ellipses, given, readings,
 // differs: bool, tool: "point" | "path", corners: [[x, y]...], radius }
 Prf.Map = class {
   constructor(canvas, data, draws, cells, scene, look, onPick) {
@@ -10,6 +10,7 @@ Prf.Map = class {
     this.occupancy = cells.subarray(0, n);
     this.difference = cells.subarray(n, 2 * n);
     this.seen = cells.subarray(2 * n, 3 * n);
+    this.returns = cells.subarray(3 * n);
     this.best = data.map ? this.polygons(JSON.parse(data.map).geometry.coordinates) : null;
     this.paint();
     this.show();
@@ -47,10 +48,9 @@ Prf.Map = class {
   // Pictures of the cells in the colours of the theme.
   paint() {
     const [free, black, violet] = ["free", "occupied", "map-differs"].map(Theme.rgb);
-    this.posterior = this.picture((i) => {
-      const p = this.occupancy[i] / 255;
-      return [...free.map((value, c) => value + (black[c] - value) * p), 255];
-    });
+    const grey = (share) => [...free.map((value, c) => value + ((black[c] - value) * share) / 255), 255];
+    this.posterior = this.picture((i) => grey(this.occupancy[i]));
+    this.returning = this.cells.square && this.picture((i) => grey(this.returns[i]));
     this.unseen = this.picture((i) => [0, 0, 0, this.seen[i] ? 0 : 255]);
     this.differing = this.picture((i) => [...violet, this.differs(i) ? 0.6 * this.difference[i] : 0]);
   }
@@ -116,6 +116,7 @@ Prf.Map = class {
     pen.clip();
     pen.fillStyle = Theme.colour("occupied");
     if (look.base === "posterior") this.drawCells(pen, this.posterior);
+    else if (look.base === "returns") this.drawCells(pen, this.returning);
     else if (look.base === "best") pen.fill(this.best, "evenodd");
     else pen.fill(this.area(look.draw), "evenodd");
     this.drawUnseen(pen);

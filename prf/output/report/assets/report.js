@@ -36,6 +36,7 @@
     byId("draw").setAttribute("aria-valuetext", byId("drawn").textContent);
     byId("shown").textContent = {
       posterior: "Probability of being occupied",
+      returns: "Probability that a beam which comes here ends here",
       draw: `One map of the posterior: ${byId("drawn").textContent}`,
       best: "The most probable map recorded",
     }[base];
@@ -78,6 +79,7 @@
     byId("map").scrollIntoView({ block: "nearest" });
   });
   byId("geojson").disabled = document.querySelector("[data-base=best]").disabled = !map.best;
+  document.querySelector("[data-base=returns]").hidden = !data.cells.square;
   byId("geojson").addEventListener("click", () =>
     Page.save(`${data.name}.geojson`, new Blob([data.map], { type: "application/geo+json" })),
   );
@@ -131,16 +133,21 @@
       scale,
       element("p", `${figure(found.low, 3)} to ${figure(found.high, 3)}`, { id: "bounds" }),
       element("p", [known, doubt(found)], note),
-      ...(asPath() ? against(event) : seen() ? [] : [element("p", "No reading saw this place: p is the prior's.", note)]),
+      ...(asPath() ? against(event) : beside()),
     ];
   }
   const rhat = (found) => (found.rhat === Infinity ? "∞" : figure(found.rhat, 2));
   const doubt = (found) =>
     found.ess >= 100 && found.rhat <= 1.1 ? "" : element("span", ": not known well, sample longer", { class: "wary" });
-  function seen() {
-    const { nx, ny, origin, resolution } = data.cells,
-      [column, row] = look.corners[0].map((value, axis) => Math.floor((value - origin[axis]) / resolution));
-    return column >= 0 && row >= 0 && column < nx && row < ny && map.seen[row * nx + column];
+  // What else is known of a point: that no reading was there, or what a beam meets in its cell.
+  function beside() {
+    const { nx, ny, origin, resolution, square } = data.cells,
+      [column, row] = look.corners[0].map((value, axis) => Math.floor((value - origin[axis]) / resolution)),
+      cell = row * nx + column;
+    if (!(column >= 0 && row >= 0 && column < nx && row < ny && map.seen[cell]))
+      return [element("p", "No reading saw this place: p is the prior's.", note)];
+    const words = `${figure(map.returns[cell] / 255, 2)} probability that a beam ends here (p_return of ${square} m)`;
+    return square ? [element("p", words, { ...note, id: "returned" })] : [];
   }
   // A draw in which the path is blocked, to look at.
   function against(event) {
