@@ -16,7 +16,6 @@ if TYPE_CHECKING:
 logger = logging.getLogger(__name__)
 
 EXAMPLES = (
-    "prf export office --format ros-map",
     "prf export office --format ros-map --returns",
     "prf export office -o office.dxf",
     "prf export office --draw 0 --format geojson -o - | head -c 300",

@@ -22,7 +22,7 @@ from prf.model.coloring import Coloring
 from prf.model.layout import make_image, read_coloring
 from prf.sampler.poses import PoseTurns
 from prf.sampler.schedules import Ladder, LadderPlan, Plain, Regions, has_regions, unexplained
-from prf.sampler.starts import PriorGround, find_start_map, prior_ground
+from prf.sampler.starts import find_start_map, prior_ground
 from prf.sampler.target import Target, copied, make_chain, one_colour_map, with_map
 
 FIRST_THIN = 2000
@@ -34,6 +34,8 @@ FIRST_EPOCH = FIRST_THIN
 SHORTEST_BLOCK = 5 * FIRST_THIN
 LONGEST_BLOCK = 4 * SHORTEST_BLOCK
 """A round must not keep Ctrl-C, the clock and the progress waiting for long."""
+BLOCKS_PER_GROUND = 8
+"""Blocks between two redraws of ground that no reading concerns: finding it takes as long as thousands of steps."""
 PROPOSALS_PER_LOOK = 50_000
 """Proposals of the draw of the prior between two looks at whether it is to stop."""
 
@@ -250,16 +252,18 @@ class ChainRun:
             move, until = self.schedule.turn(self.step, min(end, self.record.next_stop(self.step)), end)
             self.chain = move(self.chain, self.rng, until)
             self.record.take(self.chain, self.poses)
-        self.redraw_ground(end - begun)
+        period = BLOCKS_PER_GROUND * self.block
+        due = self.step // period - begun // period
+        if due:
+            self.redraw_ground(due * period)
+        self.settle()
         return self
 
     def redraw_ground(self, steps: int) -> None:
-        """Redraw ground that no reading concerns, in proportion to the `steps` of a round, and settle."""
-        if self.ground is not None and self.poses is not None:
-            self.ground = PriorGround(self.target, self.chain)
+        """Redraw ground that no reading concerns, in proportion to `steps`; :meth:`settle` afterwards."""
         if self.ground is not None:
-            self.chain = self.ground.refresh(self.chain, self.rng, int(self.ground.rate * steps))
-        self.settle()
+            self.ground.close(self.chain)
+            self.chain = self.ground.refresh(self.chain, self.rng, self.ground.proposals(steps))
 
     def settle(self) -> None:
         """Recompute sums and lists, and look which returns no edge explains, as at the end of every round."""
@@ -289,6 +293,7 @@ class ChainRun:
                 chain = with_map(self.chain, self.target, start)
             self.chain = chain._replace(image=make_image(start, chain.graph, self.target.execution.resolution))
         if self.ground is not None:
+            self.ground.close(self.chain)
             for _ in range(0, self.ground.first_proposals, PROPOSALS_PER_LOOK):
                 if is_over():
                     break

@@ -8,8 +8,12 @@ they use, draws of the prior in everything. No step on the way to a start is a s
 There the posterior is the prior given the rest of the map, by its spatial Markov property. The moves of a chain are as
 small as walls and doors ask for, and would take hours to redraw shapes of ten metres where nothing was seen. So at
 the end of each block proposals are made there alone, with moves as large as the prior's own shapes and without a look
-at any reading. No edge may pass a cell that a reading concerns, which makes them a Metropolis-Hastings chain on what
-lies in the other cells, with the prior for its law. They count as no steps.
+at any reading. No edge may cross a beam, nor pass a cell that a sonar reading concerns, which makes them a
+Metropolis-Hastings chain on all other edges, with the prior for its law. They count as no steps.
+
+A beam concerns the ground up to the obstacle that it meets in the present map, for what lies behind changes nothing for
+it; so the ground behind a wall is free, though some beams passed where the wall stands. Obstacles that beams meet stay:
+steps there change neither what beams meet nor which edges may be changed.
 """
 
 from __future__ import annotations
@@ -32,7 +36,7 @@ from prf.kernels.state.build import fill_index, recompute_sums
 from prf.kernels.state.chain import Chain
 from prf.kernels.state.frozen import freeze, retrace, thaw
 from prf.kernels.state.grid import Grid, make_grid, most_cells
-from prf.kernels.state.guards import GUARD_BOX, N_SHAPE
+from prf.kernels.state.guards import GUARD_BOX, GUARD_RAY, N_SHAPE
 from prf.kernels.step import run
 from prf.model.arak import exact_draws
 from prf.model.coloring import Coloring, from_polygons, occupied_polygons
@@ -173,49 +177,63 @@ def _occupied_region(window: Window, laser: LaserData, chosen: NDArray[np.bool_]
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
-PROPOSALS_PER_EDGE = 5e-4
-MOST_PROPOSALS = 1.0
+PROPOSALS_PER_EDGE = 8e-3
+MOST_PROPOSALS = 0.5
 """Proposals there for each step of the chain: so many for each edge that the prior has there in the mean, and at most.
-Such a one takes a quarter of the time of a step, or less."""
+Such a one takes a quarter of the time of a step, or less; with a tenth as many, chains that agree elsewhere differ
+there after minutes."""
 TILED_FACTOR = 4.0
 """Factor on their number under tiles, whose steps take longer."""
 FIRST_PER_EDGE = 1000
 MOST_FIRST = 3_000_000
 """Proposals before the first step, likewise: some eight times as many as it takes to forget a colour."""
 FEWEST_EDGES = 2.0
-"""Edges that the prior has there in the mean at least, if steps there pay."""
+"""Edges that the prior has in the window in the mean at least, if steps there can pay."""
 ENLARGED = 20.0
 """Moves there reach so many times as far as elsewhere."""
 REACHES = [c.BIRTH_REACH, c.SPLIT_REACH, c.MOVE_REACH, c.CUT_REACH, c.JOIN_REACH]
-EDGE_CELL = 0.4
+EDGE_CELL = 0.1
 """Side of the cells of the index of edges there, over the scale: which pairs are recoloured together."""
 CELL_ROOM = 64
+BEHIND = 1e-6
+"""Metres behind an obstacle up to which a beam closes the ground, so that the obstacle itself stays."""
 
 
 class PriorGround:
     """The ground that no reading concerns, and how a chain steps there."""
 
     def __init__(self, target: Target, chain: Chain) -> None:
-        grid = chain.edge_index.grid
-        is_closed = closed_cells(target, chain)
-        self.influence = influence_of(target, chain)
-        self.n_edges = edge_density(target.scale) * float(np.count_nonzero(~is_closed)) * grid.cell**2
-        self.rate = min(MOST_PROPOSALS, PROPOSALS_PER_EDGE * self.n_edges) * (
-            TILED_FACTOR if target.execution.tiles else 1.0
-        )
+        self.target = target
         bare = dataclasses.replace(target, laser=None, sonar=None, points=None).with_execution(resolution=None)
         self._bare = make_chain(bare.with_execution(cell=EDGE_CELL / target.scale), Coloring.empty(target.window))
         self._bare.tuning[REACHES] *= ENLARGED
-        shapes = np.concatenate([closed_boxes(grid, is_closed), way_guards(target.way, target.driven_radius)])
-        self._guards = make_guards(self._bare.edge_index.grid, np.zeros(0, np.int64), shapes)
+        self.close(chain)
+
+    def close(self, chain: Chain) -> None:
+        """Close the ground that readings concern in the present map."""
+        target, grid = self.target, chain.edge_index.grid
+        self.influence = influence_of(target, chain)
+        rays, coned = closed_rays(chain, self.influence), coned_cells(target, chain)
+        is_open = ~(coned | passed_cells(grid, rays))
+        self.n_edges = edge_density(target.scale) * float(np.count_nonzero(is_open)) * grid.cell**2
+        shapes = [rays, closed_boxes(grid, coned), way_guards(target.way, target.driven_radius)]
+        self._guards = make_guards(self._bare.edge_index.grid, np.zeros(0, np.int64), np.concatenate(shapes))
 
     @property
     def first_proposals(self) -> int:
         """Proposals that lead to an approximate draw of the prior given what is seen."""
         return int(min(MOST_FIRST, FIRST_PER_EDGE * self.n_edges))
 
+    def proposals(self, steps: int) -> int:
+        """Return how many proposals go with so many steps of the chain."""
+        rate = min(MOST_PROPOSALS, PROPOSALS_PER_EDGE * self.n_edges)
+        return int(rate * steps * (TILED_FACTOR if self.target.execution.tiles else 1.0))
+
     def refresh(self, chain: Chain, rng: np.random.Generator, proposals: int) -> Chain:
-        """Make this many proposals on this ground, not counted as steps; :meth:`settle` the chain first."""
+        """Make this many proposals on ground that :meth:`close` left open in this map; they count as no steps.
+
+        :meth:`settle` the chain afterwards.
+        """
         bare, counts = self._bare, chain.graph.counts
         step = int(counts[c.STEP])
         settle_image(chain)
@@ -254,14 +272,13 @@ class PriorGround:
 
 
 def prior_ground(target: Target, chain: Chain) -> PriorGround | None:
-    """Return the ground of a chain that no reading concerns; None if there is hardly any.
+    """Return the ground of a chain that no reading concerns; None if there can be hardly any.
 
     Values at points concern the colour of all ground between them, so that with them there is no such ground.
     """
     if target.points is not None or (target.laser is None and target.sonar is None):
         return None
-    ground = PriorGround(target, chain)
-    return ground if ground.n_edges >= FEWEST_EDGES else None
+    return PriorGround(target, chain) if edge_density(target.scale) * target.window.area >= FEWEST_EDGES else None
 
 
 def edge_density(scale: float) -> float:
@@ -277,24 +294,31 @@ def influence_of(target: Target, chain: Chain) -> Floats:
     return np.asarray(np.minimum(ray[:, c.MAX_DISTANCE], beam_influence(target.laser.model, ray[:, c.RANGE])))
 
 
-def closed_cells(target: Target, chain: Chain) -> Bools:
-    """Return the cells (ny, nx) of the edge index in which an obstacle may concern a reading."""
-    grid, ray, pose = chain.edge_index.grid, chain.beams.ray, chain.cones.pose
+def closed_rays(chain: Chain, influence: Floats) -> Floats:
+    """Return guards (n, N_SHAPE) of the beams up to the obstacle that they meet in the present map, or `influence`."""
+    ray = chain.beams.ray
+    found = np.zeros((len(ray), N_SHAPE))
+    found[:, 0] = GUARD_RAY
+    found[:, 1:5] = ray[:, [0, 1, c.DIRECTION_X, c.DIRECTION_Y]]
+    found[:, 5] = np.minimum(influence, ray[:, c.DISTANCE] + BEHIND)
+    return found
+
+
+def passed_cells(grid: Grid, rays: Floats) -> Bools:
+    """Return the cells (ny, nx) that guards of beams (n, N_SHAPE) pass."""
     passes = np.zeros((grid.ny, grid.nx), np.int64)
-    end = ray[:, :2] + influence_of(target, chain)[:, None] * ray[:, c.DIRECTION_X : c.DIRECTION_Y + 1]
-    path = np.empty(most_cells(grid), np.int32)
-    count_passes(grid, np.ascontiguousarray(ray[:, :2]), end, path, passes.reshape(-1))
-    is_closed: Bools = passes > 0
+    start, path = np.ascontiguousarray(rays[:, 1:3]), np.empty(most_cells(grid), np.int32)
+    count_passes(grid, start, start + rays[:, 5:6] * rays[:, 3:5], path, passes.reshape(-1))
+    return np.asarray(passes > 0)
+
+
+def coned_cells(target: Target, chain: Chain) -> Bools:
+    """Return the cells (ny, nx) of the edge index in which an obstacle may concern a sonar reading."""
+    grid, pose = chain.edge_index.grid, chain.cones.pose
+    is_closed = np.zeros((grid.ny, grid.nx), np.bool_)
     if target.sonar is not None:
-        room = grid.nx * grid.ny
-        mark_cones(
-            grid,
-            pose,
-            np.ascontiguousarray(pose[:, MAX_DISTANCE]),
-            np.empty(room, np.int32),
-            np.empty(room),
-            is_closed.reshape(-1),
-        )
+        room, reach = grid.nx * grid.ny, np.ascontiguousarray(pose[:, MAX_DISTANCE])
+        mark_cones(grid, pose, reach, np.empty(room, np.int32), np.empty(room), is_closed.reshape(-1))
     return is_closed
 
 

@@ -15,7 +15,7 @@ from prf.kernels.readings.cones import CONE_LOG_LIKELIHOOD
 from prf.kernels.state.build import recompute_sums
 from prf.kernels.state.chain import Chain
 from prf.kernels.state.grid import Grid
-from prf.model.coloring import Coloring, Draws, black_at, violations
+from prf.model.coloring import Coloring, Draws, black_at, from_polygons, violations
 from prf.model.layout import pixel_centres, read_coloring
 from prf.model.ranges import beam_influence
 from prf.model.sensors import LaserModel
@@ -25,7 +25,15 @@ from prf.sampler.chain import ChainRun
 from prf.sampler.checkpoint import load_checkpoint, save_checkpoint
 from prf.sampler.prior import BURN_IN_DRAWS, chosen_thin
 from prf.sampler.schedules import LadderPlan
-from prf.sampler.starts import PriorGround, closed_boxes, closed_cells, prior_ground
+from prf.sampler.starts import (
+    PriorGround,
+    closed_boxes,
+    closed_rays,
+    coned_cells,
+    influence_of,
+    passed_cells,
+    prior_ground,
+)
 from prf.sampler.target import Execution, LaserData, Target, laser_data, make_chain, run_chain, settle_image
 from prf.shell.cli.storage import spawn_generators
 from tests.driving import advance, find_starts, step_to
@@ -88,8 +96,12 @@ def ends(coloring: Coloring) -> set[tuple[float, ...]]:
 
 
 def closed_region(target: Target, chain: Chain) -> shapely.Geometry:
-    boxes = closed_boxes(chain.edge_index.grid, closed_cells(target, chain))
-    return shapely.union_all(shapely.box(*boxes[:, 1:5].T))
+    """Beams up to what they meet, and the cells of cones."""
+    rays = closed_rays(chain, influence_of(target, chain))
+    boxes = closed_boxes(chain.edge_index.grid, coned_cells(target, chain))
+    tips = rays[:, 1:3] + rays[:, 5:6] * rays[:, 3:5]
+    lines = shapely.linestrings(np.stack([rays[:, 1:3], tips], axis=1))
+    return shapely.GeometryCollection([*lines, *shapely.box(*boxes[:, 1:5].T)])
 
 
 def meeting(coloring: Coloring, region: shapely.Geometry) -> Coloring:
@@ -101,19 +113,21 @@ def meeting(coloring: Coloring, region: shapely.Geometry) -> Coloring:
 def test_steps_there_leave_every_likelihood_to_the_last_bit(kind: str) -> None:
     target, rng = target_of(kind), np.random.default_rng(1)
     chain = make_chain(target, Coloring.empty(ROOM))
-    ground, region = PriorGround(target, chain), closed_region(target, chain)
+    ground = PriorGround(target, chain)
     n_frozen = n_new = 0
     for _ in range(8):
         chain = run_chain(chain, rng, int(chain.graph.counts[c.STEP]) + 5000)
         before, likelihoods = read_coloring(chain.graph), log_likelihoods(chain)
         total, step = float(chain.graph.sums[c.LOG_LIKELIHOOD]), int(chain.graph.counts[c.STEP])
-        outcomes = chain.outcomes.copy()
+        outcomes, region = chain.outcomes.copy(), closed_region(target, chain)
+        ground.close(chain)
         chain = ground.settle(ground.refresh(ground.refresh(chain, rng, 1500), rng, 1500))
         after = read_coloring(chain.graph)
         assert chain.graph.counts[c.STEP] == step
         assert np.array_equal(chain.outcomes, outcomes)
         assert chain.graph.sums[c.LOG_LIKELIHOOD] == total
         assert log_likelihoods(chain) == likelihoods
+        assert closed_region(target, chain) == region
         n_frozen += len(ends(meeting(before, region)))
         assert ends(meeting(after, region)) == ends(meeting(before, region))
         n_new += len(ends(after) - ends(before))
@@ -212,6 +226,7 @@ def test_the_image_is_the_average_over_every_step_and_over_nothing_else() -> Non
             step_to(sampler, sampler.step + 1)
         before = sampler.chain.image.black.copy()
         sampler.redraw_ground(3000)
+        sampler.settle()
         turned += int((sampler.chain.image.black != before).sum())
     assert turned > 40
     settle_image(sampler.chain)
@@ -232,19 +247,37 @@ def test_there_is_none_with_point_values_or_hardly_any_unseen_ground() -> None:
         assert prior_ground(none, make_chain(none, start)) is None
 
 
-def test_closed_cells_hold_all_that_a_reading_may_concern() -> None:
-    target = target_of("both on a way")
+def test_beams_close_what_may_concern_their_readings_and_the_cells_that_they_pass_count() -> None:
+    target = target_of("laser")
     chain = make_chain(target, Coloring.empty(ROOM))
     assert target.laser is not None
-    laser, model = target.laser, target.laser.model
-    influence = np.minimum(beam_influence(model, laser.readings.range), model.limit)
-    tips = laser.readings.origin + influence[:, None] * np.column_stack(
-        [np.cos(laser.readings.angle), np.sin(laser.readings.angle)]
-    )
-    rays = shapely.linestrings(np.stack([laser.readings.origin, tips], axis=1))
-    region = shapely.buffer(closed_region(target, chain), 1e-9)
-    assert shapely.covers(region, shapely.intersection(rays, shapely.box(*ROOM))).all()
-    assert region.area < 0.6 * ROOM.area
+    laser, model = target.laser.readings, target.laser.model
+    influence = np.minimum(beam_influence(model, laser.range), model.limit)
+    tips = laser.origin + influence[:, None] * np.column_stack([np.cos(laser.angle), np.sin(laser.angle)])
+    rays = closed_rays(chain, influence_of(target, chain))
+    found = rays[:, 1:3] + rays[:, 5:6] * rays[:, 3:5]
+    inside = ROOM.contains(tips)
+    np.testing.assert_allclose(found[inside], tips[inside], atol=1e-9)
+    grid = chain.edge_index.grid
+    passed = passed_cells(grid, rays)
+    for share in (0.0, 0.3, 1.0 - 1e-9):
+        column, row = np.floor((rays[:, 1:3] + share * (found - rays[:, 1:3]) - (grid.x0, grid.y0)) / grid.cell).T
+        assert passed[row.astype(int), column.astype(int)].all()
+    assert passed.mean() < 0.6
+
+
+def test_a_wall_frees_the_ground_behind_it() -> None:
+    """Of beams that it stops; those that miss it close the ground beside it."""
+    origin, angle = np.tile([4.0, 8.0], (41, 1)), np.linspace(-0.4, 0.4, 41)
+    target = Target(ROOM, SCALE, laser_data(origin, angle, np.full(41, 10.0), LaserModel(12.0)))
+    wall = from_polygons(shapely.box(7.0, 7.5, 7.2, 8.5), ROOM)
+    empty, walled = (closed_region(target, make_chain(target, start)) for start in (Coloring.empty(ROOM), wall))
+    behind, beside = shapely.LineString([[11.0, 7.8], [11.0, 8.2]]), shapely.LineString([[11.0, 10.0], [11.0, 10.4]])
+    assert [region.intersects(behind) for region in (empty, walled)] == [True, False]
+    assert [region.intersects(beside) for region in (empty, walled)] == [True, True]
+    front, back = shapely.LineString([[7.0, 7.5], [7.0, 8.5]]), shapely.LineString([[7.2, 7.5], [7.2, 8.5]])
+    assert walled.intersects(front)
+    assert not walled.intersects(back.segmentize(0.5).intersection(shapely.box(7.0, 7.7, 8.0, 8.3)))
 
 
 @pytest.mark.parametrize("seed", range(5))

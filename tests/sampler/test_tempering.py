@@ -88,7 +88,7 @@ def test_what_follows_from_the_maps_still_does_after_swaps(target: Target, lowes
 def test_times_of_the_image_are_those_of_the_cold_chain(target: Target, monkeypatch: pytest.MonkeyPatch) -> None:
     """The recorded maps and the image, which sees every step, say the same."""
     monkeypatch.setattr(module, "ADAPTATIONS", ())
-    sampler = tempered(target, LadderPlan(3, 0.7), blocks=12)
+    sampler = tempered(target, LadderPlan(3, 0.8), blocks=12)
     assert all((report["swap_rates"][0] or 0.0) > 0.05 for report in sampler.swaps())
     image = sampler.occupancy()[0].ravel()
     centres = pixel_centres(sampler.chains[0].chain.image.grid)

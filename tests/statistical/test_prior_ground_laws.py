@@ -58,12 +58,13 @@ def refreshed_draws(n_draws: int, seed: int, is_closed: bool = True) -> Draws:
     """Maps of a chain of blocks of 2000 steps with 2000 proposals between them where no reading concerns."""
     chain, rng, maps = make_chain(TARGET, Coloring.empty(ROOM)), np.random.default_rng(seed), []
     ground = PriorGround(TARGET, chain)
-    if not is_closed:
-        ground._guards = ground._guards._replace(lists=np.zeros_like(ground._guards.lists))
     for number in range(n_draws + 20):
         for _ in range(2):
-            step = int(chain.graph.counts[c.STEP])
-            chain = ground.settle(ground.refresh(run_chain(chain, rng, step + 2000), rng, 2000))
+            chain = run_chain(chain, rng, int(chain.graph.counts[c.STEP]) + 2000)
+            ground.close(chain)
+            if not is_closed:
+                ground._guards = ground._guards._replace(lists=np.zeros_like(ground._guards.lists))
+            chain = ground.settle(ground.refresh(chain, rng, 2000))
             recompute_sums(chain)
         if number >= 20:
             maps.append(read_coloring(chain.graph))
