@@ -98,7 +98,7 @@ def _answer_points(source: Run | OccupancyGrid, points: str, square: float, json
         seen, errors = found.seen, {"ess": found.ess.tolist(), "rhat": found.rhat.tolist()} if json else {}
         bounds = {"low": found.low.tolist(), "high": found.high.tolist()}
         columns |= {"p_occupied": found.probability.tolist(), **bounds, **errors}
-        returned = source.return_probability(xy, square or SQUARE)
+        returned = source.return_probability(xy, square)
     columns["seen"] = (seen if json else seen.astype(int)).tolist()
     columns["p_return"] = returned.tolist()
     rows = zip(*columns.values(), strict=True)

@@ -112,7 +112,7 @@ class Run(RunData):
         points : (n, 2) array
             Metres.
         square : float
-            Side of the square, metres.
+            Side of the square, metres; 0 stands for 0.2, since no beam ends in a point.
 
         Returns
         -------

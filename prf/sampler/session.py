@@ -142,6 +142,8 @@ PICTURE_SECONDS = 1.5
 """What drawing the picture of a run takes."""
 FIRST_SECONDS = 1.0
 """What writing a RUN without it is taken to cost until it was measured."""
+MOST_SLOWED = 4.0
+"""Beside other processes both take longer, as the chains do; at most so many times as long."""
 
 UNMOVED = Progress(0, 0.0, 0.0, 1.0, None, "finished")
 """Of a run without a round."""
@@ -169,7 +171,9 @@ class Session:
     is_resumed: bool = False  # whether the folder holds the run already
     progress: Progress = UNMOVED
     written: float = dataclasses.field(default_factory=time.monotonic)  # when the run was written last
-    seconds_to_write: float = FIRST_SECONDS
+    seconds_to_write: float | None = None  # the last time; None: not yet
+    threads: int = 1
+    opened: tuple[float, float] = (0.0, 0.0)  # by the clock, and in seconds of the processor
 
     @classmethod
     def start(
@@ -183,7 +187,15 @@ class Session:
     ) -> Session:
         """Return a run of fresh chains; the manifest keeps `sources`: what has set each value of the configuration."""
         ensemble = make_ensemble(prepared.config, prepared.target, seed, threads)
-        return cls(ensemble, prepared.config, seed, describe_start(logs, prepared, sources), folder, prepared.counts)
+        return cls(
+            ensemble,
+            prepared.config,
+            seed,
+            describe_start(logs, prepared, sources),
+            folder,
+            prepared.counts,
+            threads=threads,
+        )
 
     @classmethod
     def resume(
@@ -209,7 +221,7 @@ class Session:
         process = {key: run.manifest[key] for key in PROCESS_KEYS if key in run.manifest}
         seconds = float(run.manifest.get("seconds", 0.0))
         ensemble = make_ensemble(config, target, stored_seed, threads)
-        session = cls(ensemble, config, stored_seed, process, folder, run.counts, seconds, is_resumed=True)
+        session = cls(ensemble, config, stored_seed, process, folder, run.counts, seconds, True, threads=threads)
         load_checkpoint(folder, ensemble, session.identity())
         return session
 
@@ -221,6 +233,7 @@ class Session:
     def open(self) -> None:
         """Remove what an older run left in the folder, or what a killed process left half written of this one."""
         self.written = time.monotonic()
+        self.opened = time.monotonic(), time.process_time()
         self.progress = self.progress._replace(step=self.ensemble.step)
         if self.folder is not None:
             (remove_half_written if self.is_resumed else remove_stale_outputs)(self.folder)
@@ -265,8 +278,18 @@ class Session:
         return run
 
     def seconds_to_finish(self) -> float:
-        """Return the seconds that the end of the run will take."""
-        return 0.0 if self.folder is None else self.seconds_to_write + PICTURE_SECONDS
+        """Return the seconds that the end of the run will take on the machine as it is."""
+        if self.folder is None:
+            return 0.0
+        slowed = self._slowed()
+        writing = slowed * FIRST_SECONDS if self.seconds_to_write is None else self.seconds_to_write
+        return writing + slowed * PICTURE_SECONDS
+
+    def _slowed(self) -> float:
+        """Return how many times as long as on a quiet machine the chains have taken since the run was opened."""
+        wall, cpu = time.monotonic() - self.opened[0], time.process_time() - self.opened[1]
+        n_at_once = min(self.threads, len(self.ensemble.chains))
+        return min(max(1.0, n_at_once * wall / max(cpu, 1e-9)), MOST_SLOWED)
 
     def _read_finished(self) -> Run | None:
         """Return the run to resume if its folder holds all of it at the present step, else None."""

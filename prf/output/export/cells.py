@@ -84,8 +84,8 @@ def _all_cells(source: Source, draw: int | None, squares: bool, resolution: floa
 def returned(source: Source, extrapolate: float, resolution: float | None) -> Raster:
     """Return p_return of a run on square cells: how probably a beam that comes there ends there.
 
-    Of the square of 0.2 m round the middle of each cell, or of the cell if that is
-    larger. Cells are nan as those of :func:`cells_of`.
+    Of the square of 0.2 m round the middle of each cell, or of the cell if that is larger. Cells are nan as those of
+    :func:`cells_of`.
     """
     run = source.require_run("returns")
     if run.image is None:

@@ -163,9 +163,10 @@ def _rates(window: Window, start: Floats, end: Floats, unexplained: Floats) -> t
 def return_probability(draws: Draws, returns: Returns | None, xy: Floats, square: float) -> Floats:
     """Return how probably a beam that reaches the square round each point ends in it (n,); nan outside the window.
 
-    `xy` (n, 2) and `square`, its side: metres. Without `returns`: the share of draws in which the square is not
-    completely white.
+    `xy` (n, 2) and `square`, its side: metres; 0 stands for :data:`SQUARE`, since no beam ends in a point. Without
+    `returns`: the share of draws in which the square is not completely white.
     """
+    square = square or SQUARE
     if returns is None:
         return occupied_probability(draws, xy, square)
     logit = WEIGHTS[0] + evidence(draws, returns, xy, square) @ np.array(WEIGHTS[1:])

@@ -104,6 +104,12 @@ def test_counts_of_all_beams_are_taken_where_they_are_known(draws: Draws) -> Non
     assert (found[:, 2] > evidence(draws, returns_of(draws, few, MODEL), xy, 0.2)[:, 2] + 2.0).all()
 
 
+def test_no_beam_ends_in_a_point(draws: Draws, returns: Returns) -> None:
+    xy = np.array([[6.95, 3.0], [3.0, 3.0]])
+    found = return_probability(draws, returns, xy, 0.0)
+    np.testing.assert_array_equal(found, return_probability(draws, returns, xy, 0.2))
+
+
 def test_without_a_laser_it_is_the_share_of_draws(draws: Draws) -> None:
     xy = np.array([[6.95, 3.0], [3.0, 3.0], [11.0, 3.0]])
     np.testing.assert_array_equal(return_probability(draws, None, xy, 0.2), occupied_probability(draws, xy, 0.2))
