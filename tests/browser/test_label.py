@@ -55,6 +55,7 @@ def press(page, key: str, n_by_hand: int) -> int:
     return patch
 
 
+@pytest.mark.slow
 def test_twenty_patches_by_keys_a_kill_and_on_from_there(page, saved, running):
     server = running(saved)
     loading: set[object] = set()

@@ -161,6 +161,7 @@ class Running:
         return self.process.returncode, out, err
 
 
+@pytest.mark.slow
 def test_labelling_by_hand_survives_a_kill(capsys, tmp_path):
     path = save_patches(tmp_path, labelled=False)
     first = Running(path)

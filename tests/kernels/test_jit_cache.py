@@ -78,6 +78,7 @@ def test_bounds_checks_have_a_cache_of_their_own(kernels: Path) -> None:
     assert call(kernels, NUMBA_BOUNDSCHECK="1")[1:] != (1, plain)
 
 
+@pytest.mark.slow
 def test_an_unwritable_cache_folder_falls_back_to_one_that_works(kernels: Path, tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     blocked = str(tmp_path / "file" / "below")

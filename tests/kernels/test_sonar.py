@@ -82,7 +82,7 @@ def free_places(coloring: Coloring, n: int, rng: np.random.Generator) -> np.ndar
     "view",
     [
         pytest.param(VIEWS[0], id="1 degree", marks=pytest.mark.slow),
-        pytest.param(VIEWS[1], id="20 degrees"),
+        pytest.param(VIEWS[1], id="20 degrees", marks=pytest.mark.slow),
         pytest.param(VIEWS[2], id="60 degrees", marks=pytest.mark.slow),
         pytest.param(VIEWS[3], id="170 degrees"),
     ],

@@ -108,6 +108,7 @@ def test_every_way_returns_as_many_draws_with_sensors_in_white(way: str, few_ste
     assert all(is_free(problem.target, draw) for draw in answer.draws)
 
 
+@pytest.mark.slow
 def test_the_command_writes_its_plots_and_figures(tmp_path: Path, few_steps: None) -> None:
     lines: list[str] = []
     code = main(["--part", "laser-plain", "--worlds", "2", "--output", str(tmp_path / "out")], lines.append)

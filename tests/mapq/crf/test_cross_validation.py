@@ -58,6 +58,7 @@ def area(sources: list[TrainingMap], evidence: list[np.ndarray]) -> float:
     return area_under_curve(np.concatenate(evidence), np.concatenate([each.label for each in sources]) == 1)
 
 
+@pytest.mark.slow
 def test_evidence_of_chance_is_chance(monkeypatch):
     """Trees know the labels of their own training patches by heart: it would be all but sure in-sample."""
     monkeypatch.setattr("mapq.crf.trees.N_TREES", 60)
