@@ -25,8 +25,8 @@ from benchmarks.scores import HELD_OUT, MAX_RANGE, SECONDS, SETS, TUNED
 from prf.configuration import Configuration
 from prf.readings import read_readings
 from prf.results.read import read_run_data
-from prf.results.score.heldout import SQUARE, hold_out
-from prf.results.score.returns import LEAST, WEIGHTS, evidence, returns_of_run
+from prf.results.score.heldout import CLIP, SQUARE, hold_out
+from prf.results.score.returns import WEIGHTS, evidence, returns_of_run
 from prf.shell.cli.storage import spawn_generators
 
 Floats = NDArray[np.float64]
@@ -43,7 +43,7 @@ class Points(NamedTuple):
     def nats(self, weights: Floats) -> float:
         """Return the mean negative log probability of the states."""
         p = 1.0 - (1.0 - self.clutter) / (1.0 + np.exp(weights[0] + self.evidence @ weights[1:]))
-        p = np.clip(p, LEAST, 1.0 - LEAST)
+        p = np.clip(p, CLIP, 1.0 - CLIP)
         return float(-np.average(np.where(self.occupied > 0.5, np.log(p), np.log1p(-p)), weights=self.weight))
 
 

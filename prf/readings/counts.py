@@ -10,13 +10,11 @@ from numpy.typing import NDArray
 
 from prf.kernels.state.grid import make_grid
 from prf.model.window import Window
-from prf.readings.ground import count_beams
+from prf.readings.ground import MAX_CELLS, count_beams
 from prf.readings.readings import Readings
 
 CELL = 0.05
-"""Side of the cells, metres: about what returns of one wall spread by."""
-MOST_CELLS = 4_000_000
-"""Cells are larger in a window that would need more."""
+"""Side of the cells, metres: about what returns of one wall spread by; larger in a window that would need too many."""
 
 Floats = NDArray[np.float64]
 
@@ -52,7 +50,7 @@ class BeamCounts(NamedTuple):
 
 def beam_counts(window: Window, beams: Readings) -> BeamCounts:
     """Return the counts of beams whose sensors are inside the window."""
-    grid = make_grid(*window, max(CELL, math.sqrt(window.area / MOST_CELLS)))
+    grid = make_grid(*window, max(CELL, math.sqrt(window.area / MAX_CELLS)))
     passes, returns, _ = count_beams(grid, window, beams.origin, beams.angle, beams.range, beams.max_range)
     reaching, ending = (each.reshape(grid.ny, grid.nx).astype(np.int32) for each in (passes, returns))
     return BeamCounts(reaching, ending, np.array([grid.x0, grid.y0]), grid.cell)

@@ -221,7 +221,17 @@ class Session:
         process = {key: run.manifest[key] for key in PROCESS_KEYS if key in run.manifest}
         seconds = float(run.manifest.get("seconds", 0.0))
         ensemble = make_ensemble(config, target, stored_seed, threads)
-        session = cls(ensemble, config, stored_seed, process, folder, run.counts, seconds, True, threads=threads)
+        session = cls(
+            ensemble,
+            config,
+            stored_seed,
+            process,
+            folder,
+            run.counts,
+            seconds_before=seconds,
+            is_resumed=True,
+            threads=threads,
+        )
         load_checkpoint(folder, ensemble, session.identity())
         return session
 

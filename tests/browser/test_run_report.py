@@ -82,11 +82,14 @@ def test_paths_are_answered_as_by_query(opened, run):
 
 
 def test_what_a_beam_meets_is_told_and_shown(opened, run):
+    square = run.image.resolution
+    assert square > 0.2, "the cells are larger than the usual square"
     row, column = np.transpose(np.nonzero(run.image.seen))[::37][1]
     x, y = run.image.origin + run.image.resolution * np.array([column + 0.5, row + 0.5])
     asked(opened, f"{x}, {y}")
     words = opened.locator("#returned").inner_text()
-    assert float(words.split()[0]) == pytest.approx(run.return_probability([[x, y]])[0], abs=0.01)
+    assert float(words.split()[0]) == pytest.approx(run.return_probability([[x, y]], square)[0], abs=0.01)
+    assert words.endswith(f"(p_return of {square:g} m)")
     before = opened.evaluate("document.getElementById('map').toDataURL()")
     opened.click("[data-base=returns]")
     assert "a beam which comes here" in opened.locator("#shown").inner_text()

@@ -5,17 +5,19 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from prf.configuration import Configuration
 from prf.model.coloring import Coloring
 from prf.model.window import Window
 from prf.results import Progress
 from prf.results.convergence import Diagnosis, Verdict
 from prf.sampler import ChainRun, Ensemble, StopRule, chain, drive, session
-from prf.sampler.session import is_check
+from prf.sampler.session import FIRST_SECONDS, MOST_SLOWED, PICTURE_SECONDS, is_check
 from prf.sampler.target import Execution, Target
 from prf.shell.cli.storage import spawn_generators
 
@@ -202,3 +204,17 @@ def test_the_share_of_agreement_is_what_the_worst_diagnosis_falls_short() -> Non
     assert StopRule().share(10, 0.0, halfway) == pytest.approx(0.5)
     assert StopRule(limit=1000.0).share(10, 900.0, halfway) == pytest.approx(0.9)
     assert StopRule(steps=100).share(10, 0.0, halfway) == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize(("cpu", "slowed"), [(20.0, 1.0), (8.0, 2.5), (1.0, MOST_SLOWED), (0.0, MOST_SLOWED)])
+def test_the_end_is_taken_to_last_longer_beside_other_processes(
+    sampler: Ensemble, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, cpu: float, slowed: float
+) -> None:
+    """In ten seconds by the clock two threads had so many of the processor."""
+    run = session.Session(sampler, Configuration(), 1, {}, tmp_path, threads=2)
+    run.opened = 100.0, 7.0
+    monkeypatch.setattr("time.monotonic", lambda: 110.0)
+    monkeypatch.setattr("time.process_time", lambda: 7.0 + cpu)
+    assert run.seconds_to_finish() == pytest.approx(slowed * (FIRST_SECONDS + PICTURE_SECONDS))
+    run.seconds_to_write = 3.0  # as it was measured, beside the others too
+    assert run.seconds_to_finish() == pytest.approx(3.0 + slowed * PICTURE_SECONDS)

@@ -22,7 +22,7 @@ from prf.model.coloring import Coloring, Draws, count_black, from_polygons, occu
 from prf.model.layout import image_grid, pixel_centres
 from prf.model.window import Window
 from prf.output.export.source import Map, Source
-from prf.results import PosteriorImage, names
+from prf.results import PosteriorImage, RunData, names
 from prf.results.estimate import occupied_probability
 from prf.results.score.heldout import SQUARE
 from prf.results.score.returns import return_probability, returns_of_run
@@ -81,24 +81,29 @@ def _all_cells(source: Source, draw: int | None, squares: bool, resolution: floa
     return share_of_draws(run.draws, wanted)
 
 
-def returned(source: Source, extrapolate: float, resolution: float | None) -> Raster:
-    """Return p_return of a run on square cells: how probably a beam that comes there ends there.
+def returned(run: RunData, resolution: float | None = None, extrapolate: float = 0.0) -> Raster | None:
+    """Return p_return of a run on square cells: how probably a beam that comes there ends there; None without a laser.
 
-    Of the square of 0.2 m round the middle of each cell, or of the cell if that is larger. Cells are nan as those of
-    :func:`cells_of`.
+    Of the square of :func:`returned_square` round the middle of each cell. Cells are nan as those of :func:`cells_of`.
+
+    `resolution`: side of a cell, metres; None: the usual one. `extrapolate`: metres.
     """
-    run = source.require_run("returns")
     if run.image is None:
         raise run.missing(names.POSTERIOR)
     returns = returns_of_run(run)
     if returns is None:
-        raise InputError(f"{source.path}: it used no laser, so that it has no p_return. Leave --returns out.")
+        return None
     grid = _checked_grid(run.draws.window, resolution or _usual_resolution(run.draws.window, run.image))
     middle = pixel_centres(grid)
     known = run.image._replace(seen=known_cells(run.image, extrapolate)).seen_at(middle)
     found = np.full(len(middle), np.nan)
-    found[known] = return_probability(run.draws, returns, middle[known], max(SQUARE, grid.cell))
+    found[known] = return_probability(run.draws, returns, middle[known], returned_square(grid.cell))
     return Raster(found.reshape(grid.ny, grid.nx), np.array([grid.x0, grid.y0]), grid.cell)
+
+
+def returned_square(resolution: float) -> float:
+    """Return the side of the squares of p_return on cells of this side, metres: 0.2, or the cell's if it is larger."""
+    return max(SQUARE, resolution)
 
 
 def _usual_resolution(window: Window, image: PosteriorImage | None) -> float:

@@ -19,7 +19,7 @@ from prf.output.export.source import Source, read_source, require_existing, stem
 from prf.results import map_text
 from prf.shell.cli.files import STREAM, encoded, open_output, together
 from prf.shell.cli.outputs import exclusive, refuse_existing, refuse_inputs
-from prf.shell.errors import UsageError
+from prf.shell.errors import InputError, UsageError
 
 GEOJSON, ROS_MAP, SVG, DXF, NETCDF, TUM = FORMATS = ("geojson", "ros-map", "svg", "dxf", "netcdf", "tum")
 SUFFIXES = {
@@ -198,9 +198,11 @@ def _printable(title: str) -> str:
 
 
 def _ros_map(source: Source, options: Options, image_name: str) -> tuple[tuple[str, bytes], dict[str, Any]]:
-    extrapolate = options.extrapolate or 0.0
+    extrapolate, cells = options.extrapolate or 0.0, None
     if options.returns:
-        cells = returned(source, extrapolate, options.resolution)
+        cells = returned(source.require_run("returns"), options.resolution, extrapolate)
+        if cells is None:
+            raise InputError(f"{source.path}: it used no laser, so that it has no p_return. Leave --returns out.")
     else:
         cells = cells_of(source, options.draw, extrapolate, squares=options.squares, resolution=options.resolution)
     yaml, image, counts = ros_map(cells, options.unknown, image_name)

@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from prf.model.coloring import Draws, black_at_draws
 from prf.model.window import INTERIOR, Window
+from prf.output.export.cells import Raster, returned_square
 from prf.poses.posterior import Trajectory
 from prf.results import PosteriorImage, RunData
 from prf.results.run import LEAST_DIFFERENCE
-from prf.results.score.heldout import SQUARE
 from prf.shell.cli.page import packed
 
 MAX_BYTES = 2_500_000
@@ -120,10 +120,10 @@ def _whole(draws: Draws) -> Ints:
     return np.asarray(xy)
 
 
-def pack_image(image: PosteriorImage, returned: NDArray[np.float64] | None) -> Numbers:
+def pack_image(image: PosteriorImage, returns: Raster | None) -> Numbers:
     """Return the cells: probability and difference of chains in 255ths, whether a reading saw them, and p_return.
 
-    `returned` (ny, nx): p_return of the square of :data:`SQUARE` round the middle of each; None: not known.
+    `returns`: p_return of the same cells; None: not known.
     """
     differs = np.zeros_like(image.occupancy) if image.disagreement is None else image.disagreement
     shares = [np.rint(255.0 * np.nan_to_num(part)).astype(np.uint8) for part in (image.occupancy, differs)]
@@ -134,11 +134,11 @@ def pack_image(image: PosteriorImage, returned: NDArray[np.float64] | None) -> N
         "origin": image.origin,
         "resolution": image.resolution,
         "differs": 255 * LEAST_DIFFERENCE,
-        "square": None if returned is None else SQUARE,
+        "square": None if returns is None else returned_square(image.resolution),
     }
     parts = [*shares, image.seen.astype(np.uint8)]
-    if returned is not None:
-        parts.append(np.rint(255.0 * np.nan_to_num(returned)).astype(np.uint8))
+    if returns is not None:
+        parts.append(np.rint(255.0 * np.nan_to_num(returns.probability)).astype(np.uint8))
     return Numbers(head, packed(b"".join(part.tobytes() for part in parts)))
 
 

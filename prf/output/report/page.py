@@ -8,13 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from prf.output.export.cells import cut_to_known
+from prf.output.export.cells import cut_to_known, returned
 from prf.output.export.source import Map
 from prf.output.report.embedded import Numbers, fitting, pack_image, pack_scene, step_of
 from prf.readings import log_stem
 from prf.results import RunData, map_text, names
 from prf.results.convergence import Diagnosis, range_words, time_words
-from prf.results.score.returns import returned_cells, returns_of_run
 from prf.shell.cli.files import encoded, open_output
 from prf.shell.cli.page import escape, packed_json, page, table
 from prf.shell.cli.pictures import counted, number, window_words
@@ -34,9 +33,7 @@ def write_report(path: str, run: RunData, title: str | None = None) -> tuple[int
     if run.image is None:
         raise run.missing(names.POSTERIOR)
     kept, draws = fitting(run)
-    returns = returns_of_run(run)
-    returned = None if returns is None else returned_cells(run.draws, returns, run.image)
-    cells, scene = pack_image(run.image, returned), pack_scene(run)
+    cells, scene = pack_image(run.image, returned(run, run.image.resolution)), pack_scene(run)
     content = {
         "title": escape(title or title_of(run)),
         "run": escape(run.name),

@@ -27,8 +27,8 @@ from prf.model.window import Window
 from prf.readings import Readings
 from prf.readings.counts import BeamCounts, beam_counts
 from prf.results.estimate import occupied_probability
-from prf.results.run import PosteriorImage, RunData
-from prf.results.score.heldout import SQUARE
+from prf.results.run import RunData
+from prf.results.score.heldout import CLIP, SQUARE
 from prf.results.score.scene import first_edges
 
 CELL = 0.2
@@ -53,8 +53,6 @@ COUNTED = 0.5
 """Side of the square in which beams are counted, in sides of the square that is asked for: its middle decides."""
 PRIOR_BEAMS = 1.0
 """Beams by which both counts are larger in their ratio: a few beams alone say little."""
-LEAST = 1e-3
-"""Probabilities are taken for at least this far from 0 and 1."""
 WEIGHTS = (-1.32, 0.91, 0.91, 1.01, -0.09, 0.32)
 """Of 1 and of :func:`evidence` in the logit of p_return (python -m benchmarks.returns)."""
 
@@ -174,15 +172,6 @@ def return_probability(draws: Draws, returns: Returns | None, xy: Floats, square
     return np.where(draws.window.contains(xy), 1.0 - free, np.nan)
 
 
-def returned_cells(draws: Draws, returns: Returns, image: PosteriorImage) -> Floats:
-    """Return p_return of the square round the middle of each cell of an image (ny, nx); nan where no reading was."""
-    row, column = np.nonzero(image.seen)
-    found = np.full(image.seen.shape, np.nan)
-    middle = image.origin + image.resolution * (np.column_stack([column, row]) + 0.5)
-    found[row, column] = return_probability(draws, returns, middle, SQUARE)
-    return found
-
-
 def evidence(draws: Draws, returns: Returns, xy: Floats, square: float) -> Floats:
     """Return what speaks for a return from the square round each point (n, 5); nan outside the window.
 
@@ -190,7 +179,7 @@ def evidence(draws: Draws, returns: Returns, xy: Floats, square: float) -> Float
     middle to those that crossed it, the log of their number, one added, and the first two times the third: the more
     beams there are, the less the draws' word counts and the more theirs.
     """
-    wall = np.clip(_wall_probability(draws, returns, xy, square), LEAST, 1.0 - LEAST)
+    wall = np.clip(_wall_probability(draws, returns, xy, square), CLIP, 1.0 - CLIP)
     ends, crossing = returns.counts.within(xy, COUNTED * square)
     ratio = np.log((ends + PRIOR_BEAMS) / (crossing + PRIOR_BEAMS))
     claim, number = np.log(wall / (1.0 - wall)), np.log1p(ends + crossing)

@@ -1,6 +1,6 @@
 "use strict";
-// The map on a canvas. look: { base: "posterior" | "returns" | "draw" | "best", draw, outline, path, ellipses, given, readings,
-// differs: bool, tool: "point" | "path", corners: [[x, y]...], radius }
+// The map on a canvas. look: { base: "posterior" | "returns" | "draw" | "best", draw, outline, path, ellipses, given,
+// readings, differs: bool, tool: "point" | "path", corners: [[x, y]...], radius }
 Prf.Map = class {
   constructor(canvas, data, draws, cells, scene, look, onPick) {
     Object.assign(this, { canvas, window: data.window, step: data.step, draws, scene, look, onPick });
