@@ -86,7 +86,7 @@ class ReadingOptions(Table):
         unset="map",
     )
     poses: str | None = key(
-        None, "", "file of poses (TUM, KITTI, g2o, CSV), for scans that have none or worse ones", flag="FILE"
+        None, "", "file of poses (TUM, KITTI, g2o, CSV, x y theta), for scans that have none or worse ones", flag="FILE"
     )
     pose_mount: tuple[float, float, float] | None = key(
         None, "m, m, rad", "x, y, theta of the laser (of a sonar ring: of the robot) on what the poses are of"
@@ -95,6 +95,9 @@ class ReadingOptions(Table):
     pose_offset: float = key(0.0, "s", "added to the times of the file of poses")
     pose_quaternion: Literal["xyzw", "wxyz"] | None = key(
         None, "", "xyzw or wxyz: order of quaternions in the file of poses"
+    )
+    beam_angles: str | None = key(
+        None, "degrees", "where the beams point of ranges alone, a row a scan", flag="FIRST:STEP:LAST"
     )
     every_scan: int = key(1, "", "scans 0, K, 2K and so on", flag="K", ge=1)
     every_beam: int = key(1, "", "beams 0, K, 2K and so on", flag="K", ge=1)
@@ -132,6 +135,7 @@ class PoseOptions(Table):
     odometry: Literal["precise", "wheels", "poor"] | None = key(
         None, "", "the given poses are odometry of this kind: precise, wheels, poor", flag="KIND"
     )
+    file: str | None = key(None, "", "file of the odometry, as --poses takes one, where the poses are of another")
     odometry_noise: tuple[float, float, float, float] | None = key(
         None, "rad/√rad, rad/√m, m/√m, m/√rad", "the same by its numbers: turn by turn, by way; way by way, by turn"
     )
@@ -142,6 +146,11 @@ class PoseOptions(Table):
         if values is not None and not all(value > 0.0 for value in values):
             raise ValueError("standard deviations must be above 0")
         return values
+
+    def check(self) -> None:
+        """Refuse a file of odometry whose errors are not known."""
+        if self.file is not None and self.step_noise is None:
+            raise SettingError("how far odometry errs is not given. Add --odometry precise, wheels or poor", "file")
 
     @property
     def is_uncertain(self) -> bool:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from prf.readings import Kind
     from prf.readings.describe import LogSummary
 
-READ = ("topic", "frame", "poses", "pose_mount", "pose_gap", "pose_offset", "pose_quaternion")
+READ = ("topic", "frame", "poses", "beam_angles", "pose_mount", "pose_gap", "pose_offset", "pose_quaternion")
 MOST_LINES = 15
 DETAILS = ("log", "8 m or more", "other lines")
 """Rows for ``-v`` alone."""
@@ -63,7 +63,9 @@ def info(
 
     kind: Kind | None = "sonar" if sonar else None
     chosen = settings.settings.readings
-    readings = read_readings(log, kind, topic=chosen.topic, frame=chosen.frame, poses=given_poses(chosen))
+    readings = read_readings(
+        log, kind, topic=chosen.topic, frame=chosen.frame, poses=given_poses(chosen), beam_angles=chosen.beam_angles
+    )
     summary = describe(readings, log)
     if json:
         storage.emit_object("prf.info/1", storage.jsonable(summary))

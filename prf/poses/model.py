@@ -90,6 +90,7 @@ class PoseModel:
     sonar: LocalReadings | None = None
     # Draws (n, 3) of where chains start, round `start`; None: there
     draw_start: Callable[[np.random.Generator], Floats] | None = None
+    driven: Floats | None = None  # (n, 3) poses whose steps the odometry measured
     way: Floats | None = None  # (n, 2) metres driven and radians turned up to each state, along the whole log
     odometry: Sequence[float] | None = None  # its four numbers (:data:`prf.configuration.ODOMETRY`)
 
@@ -101,8 +102,8 @@ class PoseModel:
             None if part is None else part._replace(owner=np.searchsorted(kept, part.owner).astype(np.int32))
             for part in parts
         )
-        steps = _steps(self.prior.given[kept], self.odometry, None if self.way is None else self.way[kept])
-        prior = PosePrior(self.prior.given[kept], self.prior.noise, *steps)
+        driven, way = (None if part is None else part[kept] for part in (self.driven, self.way))
+        prior = PosePrior(self.prior.given[kept], self.prior.noise, *_steps(driven, self.odometry, way))
         start, draw = self.start[kept], self.draw_start
 
         def drawn(rng: np.random.Generator) -> Floats:
@@ -131,6 +132,7 @@ class _States(NamedTuple):
     scan: NDArray[np.int64]  # (n,)
     time: Floats  # (n,)
     pose: Floats  # (n, 3)
+    odometry: Floats  # (n, 3) poses whose steps the odometry measured: `pose`, or those of a file
     of_reading: NDArray[np.int64]  # (n_readings,)
 
 
@@ -149,17 +151,18 @@ def pose_model(
     found = [_states(part) for part in kept]
     shared = _shared_states(found)
     _, first, state = np.unique(np.concatenate(shared), return_index=True, return_inverse=True)
-    scan, time, given = (np.concatenate([getattr(each, name) for each in found])[first] for name in _States._fields[:3])
+    scan, time, given, driven = (
+        np.concatenate([getattr(each, name) for each in found])[first] for name in _States._fields[:4]
+    )
     order = _in_time(time, scan)
     owners = np.split(np.argsort(order)[state], np.cumsum([len(own) for own in shared])[:-1])
-    scan, time, given = scan[order], time[order], given[order]
+    scan, time, given, driven = scan[order], time[order], given[order], driven[order]
     way = None if odometry is None else np.concatenate(_ways(kept, found))[first][order]
-    prior = PosePrior(
-        given, np.array([np.inf, np.inf] if noise is None else noise, np.float64), *_steps(given, odometry, way)
-    )
+    steps = _steps(driven, odometry, way)
+    prior = PosePrior(given, np.array([np.inf, np.inf] if noise is None else noise, np.float64), *steps)
     local = [_local(part, each, own, given) for part, each, own in zip(kept, found, owners, strict=True)]
     lasers, sonars = (local[0] if laser is not None else None), (local[-1] if sonar is not None else None)
-    return PoseModel(prior, scan, time, given.copy(), lasers, sonars, way=way, odometry=odometry)
+    return PoseModel(prior, scan, time, given.copy(), lasers, sonars, driven=driven, way=way, odometry=odometry)
 
 
 def _rows(local: LocalReadings | None, rows: NDArray[np.int64]) -> LocalReadings | None:
@@ -176,7 +179,8 @@ def _states(readings: Readings) -> _States:
     if len(table.number):
         listed = table.pose[np.searchsorted(table.number, scan)]
         own = np.where(np.isfinite(listed).all(axis=1, keepdims=True), listed, own)
-    return _States(scan, readings.time[first], own, of_reading)
+    driven = own if table.odometry is None else table.odometry[np.searchsorted(table.number, scan)]
+    return _States(scan, readings.time[first], own, driven, of_reading)
 
 
 def _shared_states(found: Sequence[_States]) -> list[NDArray[np.int64]]:
@@ -213,7 +217,7 @@ def _ways(logs: Sequence[Readings], found: Sequence[_States]) -> list[Floats]:
     way = np.zeros((len(table.number), 2))
     for device in np.unique(table.device):
         own = table.device == device
-        change = np.diff(table.pose[own], axis=0)
+        change = np.diff((table.pose if table.odometry is None else table.odometry)[own], axis=0)
         steps = np.column_stack([np.hypot(change[:, 0], change[:, 1]), np.abs(wrapped(change[:, 2]))])
         way[own] = np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
     ways = [way[np.searchsorted(table.number, found[0].scan)]]
@@ -225,11 +229,11 @@ def _ways(logs: Sequence[Readings], found: Sequence[_States]) -> list[Floats]:
     return ways
 
 
-def _steps(given: Floats, odometry: Sequence[float] | None, way: Floats | None) -> tuple[Floats, Floats]:
-    """Return the measured steps (n - 1, 3) between given poses (n, 3), and their standard deviations; none without."""
-    if odometry is None or way is None:
+def _steps(driven: Floats | None, odometry: Sequence[float] | None, way: Floats | None) -> tuple[Floats, Floats]:
+    """Return the measured steps (n - 1, 3) between poses (n, 3), and their standard deviations; none without."""
+    if driven is None or odometry is None or way is None:
         return np.zeros((0, 3)), np.zeros((0, 3))
-    motion = seen_from(given[:-1], given[1:])
+    motion = seen_from(driven[:-1], driven[1:])
     return motion, step_spread(motion, odometry, *np.abs(np.diff(way, axis=0)).T)
 
 

@@ -8,12 +8,19 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import stdtrit
 
 from prf.poses.plane import Floats, compose, seen_from, wrapped
 from prf.readings import Readings
 
 CHI2_95 = 5.991464547107979
 """Quantile 0.95 of chi-squared with two degrees of freedom."""
+NORMAL_975 = 1.959963984540054
+"""Quantile 0.975 of the normal distribution."""
+APART, LEAST_APART = 2.0, 0.03
+"""Chains disagree on a place if their means lie so many times as far apart as the draws of each, and so many metres."""
+FEW = 0.05
+"""Share of the poses on which they may."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -32,6 +39,8 @@ class Trajectory:
         Poses of each draw, less the given ones; headings in [-pi, pi).
     laser, sonar : (n_readings,) int32 or None
         Number of the pose of each reading of the run; None where there are none of the kind.
+    chain : (n_draws,) int32 or None
+        Chain of each draw; None: all are of one.
     """
 
     scan: NDArray[np.int64]
@@ -40,6 +49,7 @@ class Trajectory:
     draws: NDArray[np.float32]
     laser: NDArray[np.int32] | None = None
     sonar: NDArray[np.int32] | None = None
+    chain: NDArray[np.int32] | None = None
 
     @cached_property
     def correction(self) -> Floats:
@@ -59,18 +69,55 @@ class Trajectory:
         return mean
 
     @cached_property
-    def covariance(self) -> Floats:
-        """Posterior covariance of each pose (n, 3, 3), headings as turns from their mean; nan without draws."""
-        if not len(self.draws):
-            return np.full((len(self.given), 3, 3), np.nan)
+    def _spread(self) -> tuple[Floats, Floats, int]:
+        """Covariances (n, 3, 3) within chains and of the means of chains, headings as turns, and how many chains."""
         error = self.draws - self.correction
         error[:, :, 2] = wrapped(error[:, :, 2])
-        return np.asarray(np.einsum("dni,dnj->nij", error, error) / len(error))
+        chain = np.zeros(len(error), np.int32) if self.chain is None else self.chain
+        parts = [error[chain == each] for each in np.unique(chain)]
+        means = np.array([part.mean(axis=0, dtype=np.float64) for part in parts])
+        within = sum(
+            np.einsum("dni,dnj->nij", part - mean, part - mean) for part, mean in zip(parts, means, strict=True)
+        )
+        off = means - means.mean(axis=0)
+        between = np.einsum("cni,cnj->nij", off, off) / max(len(parts) - 1, 1)
+        return np.asarray(within) / len(error), between, len(parts)
+
+    @cached_property
+    def covariance(self) -> Floats:
+        """Covariance of each pose (n, 3, 3) round its mean, headings as turns from it; nan without draws.
+
+        It is the posterior's where chains agree. Else it allows for how few they are: of m chains with means of
+        covariance B, each W within, it is W + (1 + 1/m) B, widened as Student's distribution is at the degrees of
+        freedom of Satterthwaite, so that 1.96 standard deviations hold 95 %.
+        """
+        if not len(self.draws):
+            return np.full((len(self.given), 3, 3), np.nan)
+        within, between, n_chains = self._spread
+        if n_chains == 1:
+            return within
+        total = within + (1.0 + 1.0 / n_chains) * between
+        variances = (np.diagonal(each, axis1=1, axis2=2) for each in (within, total))
+        share = 1.0 - np.mean([w / np.maximum(t, 1e-300) for w, t in zip(*variances, strict=True)], axis=1)
+        degrees = (n_chains - 1) / np.maximum(share, 1e-3) ** 2
+        return np.asarray(total * np.square(stdtrit(degrees, 0.975) / NORMAL_975)[:, None, None])
 
     @property
     def sd(self) -> Floats:
-        """Posterior standard deviation of each pose (n, 3): metres, metres, radians."""
+        """Standard deviation of each pose (n, 3), see :attr:`covariance`: metres, metres, radians."""
         return np.sqrt(np.diagonal(self.covariance, axis1=1, axis2=2))
+
+    def dispute(self) -> str:
+        """Return in words where the chains do not agree on the poses; empty where they do."""
+        if not len(self.draws):
+            return ""
+        within, between, _ = self._spread
+        inside, apart = (np.sqrt(each[:, 0, 0] + each[:, 1, 1]) for each in (within, between))
+        differs = apart > np.maximum(APART * inside, LEAST_APART)
+        if differs.mean() <= FEW:
+            return ""
+        worst = self.scan[int(np.argmax(apart))]
+        return f"chains differ by {_length(apart.max())} at scan {worst}, and on {differs.mean():.0%} of the poses"
 
     def ellipses(self) -> Floats:
         """Return the half axes (n, 2, 2), metres, of ellipses round the means that hold each place at 95 %."""
@@ -101,13 +148,19 @@ class Trajectory:
         """Return in words what :meth:`figures` has."""
         n, moved, turned, *known = self.figures().values()
         corrected = f"{n} pose{'s' * (n > 1)} corrected by {_by(moved, turned)} (rms)"
-        return corrected + (f", known to {_by(*known)}" if len(self.draws) else "")
+        if not len(self.draws):
+            return corrected
+        dispute = self.dispute()
+        return corrected + (f"; not settled: {dispute}" if dispute else f", known to {_by(*known)}")
 
 
 def _by(metres: float, radians: float) -> str:
-    length = f"{100.0 * metres:.2g} cm" if metres < 0.995 else f"{metres:.3g} m"
     degrees = math.degrees(radians)
-    return f"{length} and {degrees:.{2 if degrees < 99.5 else 3}g} degrees"
+    return f"{_length(metres)} and {degrees:.{2 if degrees < 99.5 else 3}g} degrees"
+
+
+def _length(metres: float) -> str:
+    return f"{100.0 * metres:.2g} cm" if metres < 0.995 else f"{metres:.3g} m"
 
 
 def pose_functionals(poses: Floats, given: Floats) -> dict[str, Floats]:

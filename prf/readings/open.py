@@ -14,6 +14,7 @@ from typing import Literal
 from prf.model.sensors import CONE
 from prf.readings.bag import read_bag
 from prf.readings.carmen import KNOWN_KINDS, read_carmen
+from prf.readings.matrix import looks_like_matrix, read_matrix, size_of
 from prf.readings.player import read_player
 from prf.readings.poses import GivenPoses, placed
 from prf.readings.readings import Kind, OwnPoses, Readings
@@ -24,13 +25,13 @@ from prf.shell.errors import ConfigError, InputError
 from prf.shell.poses.bag import HEAD, bag_in, bag_suffix
 from prf.shell.poses.files import slam_state
 
-Format = Literal["carmen", "player", "table"]
+Format = Literal["carmen", "player", "table", "ranges"]
 
 logger = logging.getLogger(__name__)
 
 ACCEPTED = (
-    "Accepted are CARMEN logs with laser poses, Player logs, ROS bags, and CSV tables with the columns "
-    "x,y,theta,range; also gzipped."
+    "Accepted are CARMEN logs with laser poses, Player logs, ROS bags, CSV tables with the columns "
+    "x,y,theta,range, and ranges a row a scan with --beam-angles and --poses; also gzipped."
 )
 
 LINES_TRIED = 2000
@@ -50,7 +51,7 @@ MAGICS = (
     (b"{", "a JSON document"),
 )
 
-SUFFIXES = (".bag", ".mcap", ".db3", ".csv", ".txt", ".log", ".clf", ".gz")
+SUFFIXES = (".bag", ".mcap", ".db3", ".csv", ".txt", ".log", ".clf", ".npy", ".gz")
 """Ends of the names of logs; several may follow one another."""
 
 _PLAYER = re.compile(rb"^## Player version|^\d+\.\d+ \S+ \d+ (laser|sonar|position(2d)?) \d+", re.MULTILINE)
@@ -75,6 +76,7 @@ def read_readings(
     cone: float = CONE,
     poses: GivenPoses | None = None,
     odometry: bool = False,
+    beam_angles: str | None = None,
 ) -> Readings:
     """Read the readings of one kind of sensor from a log; the format is recognised from the content.
 
@@ -87,16 +89,23 @@ def read_readings(
     that gives the robot's pose (``ODOM``). `cone`: full opening angle in radians of sonar readings
     whose log has none. `poses`: of a file, instead of the log's; then `frame` names the frame of a bag that they are
     of. `odometry`: whether the poses may be raw odometry: logs are then read that have nothing else, and `frame`
-    counts for CARMEN's laser lines too. Returns: all
-    beams, in the order of the file.
+    counts for CARMEN's laser lines too. `beam_angles`: directions of the columns of ranges alone, FIRST:STEP:LAST in
+    degrees. Returns: all beams, in the order of the file.
     """
     on_robot = poses is not None
-    found = _read(path, kind, topic, frame, cone, on_robot, odometry)
+    found = _read(path, kind, topic, frame, cone, on_robot, odometry, beam_angles)
     return found if poses is None else placed(found, poses)
 
 
 def _read(
-    path: str, kind: Kind | None, topic: str | None, frame: str | None, cone: float, on_robot: bool, odometry: bool
+    path: str,
+    kind: Kind | None,
+    topic: str | None,
+    frame: str | None,
+    cone: float,
+    on_robot: bool,
+    odometry: bool,
+    beam_angles: str | None,
 ) -> Readings:
     source = "standard input" if path == STREAM else path
     place = Path(path)
@@ -113,7 +122,7 @@ def _read(
             copy.flush()
             return read_bag(Path(copy.name), source, kind, cone, topic, frame, on_robot)
     data = data.removeprefix(BYTE_ORDER_MARK)
-    found = recognise(data, source, on_robot or odometry)
+    found = recognise(data, source, on_robot or odometry, beam_angles)
     if on_robot and frame is not None:
         raise ConfigError(
             f"--frame {frame}: with --poses it names a frame of a bag, which {source} is not. Leave it out."
@@ -125,6 +134,9 @@ def _read(
     for flag, value in (("--topic", topic), ("--frame", frame)):
         if value is not None:
             raise ConfigError(f"{flag} {value}: {source} is a table, which has one sensor and one frame. Leave it out.")
+    if found == "ranges":
+        assert beam_angles is not None
+        return read_matrix(data, source, beam_angles)
     return read_table(data, source, kind, cone, on_robot)
 
 
@@ -138,14 +150,15 @@ def read_logs(
     cone: float = CONE,
     poses: GivenPoses | None = None,
     odometry: bool = False,
+    beam_angles: str | None = None,
 ) -> tuple[Readings | None, Readings | None]:
     """Read the log of a laser, of a sonar or of both; None for a sensor without log.
 
     `laser`, `sonar`: logs, which may be the same file. `topic`, `sonar_topic`: whose readings to take of each, see
     :func:`read_readings`. `frame`: in what frame, for both; laser lines of CARMEN carry their poses, so there
     it is for the sonar alone, but with `odometry`. `cone`: full opening angle in radians of sonar readings whose log
-    has none. `poses`: of a file, instead of those of the logs. `odometry`: as there. What a person must know of poses
-    is logged.
+    has none. `poses`: of a file, instead of those of the logs. `odometry`, `beam_angles` (of the laser): as there. What
+    a person must know of poses is logged.
     """
     if topic is not None and laser is None:
         raise ConfigError(
@@ -159,7 +172,9 @@ def read_logs(
     beams = cones = None
     if laser is not None:
         try:
-            beams = read_readings(laser, topic=topic, frame=frame, poses=poses, odometry=odometry)
+            beams = read_readings(
+                laser, topic=topic, frame=frame, poses=poses, odometry=odometry, beam_angles=beam_angles
+            )
         except OwnPoses:
             if sonar is None:
                 raise
@@ -174,16 +189,31 @@ def read_logs(
     return beams, cones
 
 
-def recognise(data: bytes, source: str, raw: bool = False) -> Format:
+def recognise(data: bytes, source: str, raw: bool = False, beam_angles: str | None = None) -> Format:
     """Return the format of decompressed content other than a bag (InputError with what it looks like if unknown).
 
-    `raw`: whether logs are taken that have no poses but raw odometry.
+    `raw`: whether logs are taken that have no poses, or raw odometry. `beam_angles`: directions of ranges alone.
     """
     head = _head(data)
+    if beam_angles is not None and looks_like_matrix(data):
+        if raw:
+            return "ranges"
+        raise ConfigError(f"--beam-angles {beam_angles}: ranges alone have no poses. Give them with --poses FILE.")
+    found = _recognised(data, head, source, raw)
+    if beam_angles is not None:
+        raise ConfigError(
+            f"--beam-angles {beam_angles}: the beams of {source} have directions of their own. Leave it out."
+        )
+    return found
+
+
+def _recognised(data: bytes, head: bytes, source: str, raw: bool) -> Format:
     if not data.strip():
         looks_like = "the file is empty"
     elif (state := slam_state(data)) is not None:
         raise InputError(f"{source}: {state}.")
+    elif looks_like_matrix(data):
+        looks_like = _matrix_of(data, source)
     elif names := [name for magic, name in MAGICS if data.startswith(magic)]:
         looks_like = f"this is {names[0]}"
     elif b"\0" in data:
@@ -217,6 +247,17 @@ def _is_carmen(head: bytes) -> bool:
     if _CARMEN_HEADER.search(head):
         return True
     return any(line.split(None, 1)[0].decode("latin-1") in KNOWN_KINDS for line in _content(head))
+
+
+def _matrix_of(data: bytes, source: str) -> str:
+    """Return what is missing to ranges alone."""
+    n, width = size_of(data, source)
+    step = 180.0 / (width - width % 2)
+    usual = f"{-90.0:g}:{step:g}:{90.0 - step * (1 - width % 2):g}"
+    return (
+        f"this is numbers alone, {width} a row. If these are the ranges of {n:,} scans, say where the beams point, "
+        f"--beam-angles FIRST:STEP:LAST in degrees ({usual} if they see half a turn), and give --poses FILE"
+    )
 
 
 def _text_of(head: bytes) -> str:

@@ -93,7 +93,7 @@ class GivenPoses:
 
     `mount`: x, y and theta of the sensor (of a ring of sonars: of the robot) in the frame of the poses; None: as the
     log has it. `gap`: seconds between poses, up to which a robot is taken to go straight from one to the next.
-    `offset`: seconds added to the times of the poses.
+    `offset`: seconds added to the times of the poses. `odometry`: of the same body by itself, of which steps count.
     """
 
     trajectory: PoseFile
@@ -101,6 +101,7 @@ class GivenPoses:
     gap: float
     mount: tuple[float, float, float] | None = None
     offset: float = 0.0
+    odometry: GivenPoses | None = None
 
     @property
     def times(self) -> FloatArray | None:
@@ -124,7 +125,11 @@ def placed(readings: Readings, poses: GivenPoses) -> Readings:
     """Return readings on the robot, whole, in the world; InputError if the poses do not belong to them."""
     notes, scans, source = readings.notes, readings.notes.scans, readings.source
     found, how, warnings = _matched(scans, poses, source)
-    known = np.isfinite(found[:, 0, 0])
+    known, steps = np.isfinite(found[:, 0, 0]), None
+    if poses.odometry is not None:
+        steps, _, further = _matched(scans, poses.odometry, source)
+        known &= np.isfinite(steps[:, 0, 0])
+        warnings += further
     upward = np.abs(found[known, 2, 2])
     along_x, along_y, climbed = np.ptp(found[known, :3, 3], axis=0)
     if np.median(upward) < LYING or climbed > max(CLIMB, 0.5 * np.hypot(along_x, along_y)):
@@ -150,7 +155,9 @@ def placed(readings: Readings, poses: GivenPoses) -> Readings:
     number, line, n_beams, device = (
         column[known] for column in (scans.number, scans.line, scans.n_beams, scans.device)
     )
-    table = ScanTable(number, line, n_beams, device, np.column_stack([where, heading])[known], scans.time[known])
+    driven = None if steps is None else np.column_stack(_moved(steps[:, :2], *seats))[known]
+    pose, time = np.column_stack([where, heading])[known], scans.time[known]
+    table = ScanTable(number, line, n_beams, device, pose, time, driven)
     check_domains(poses.source, table.number, {"x": table.pose[:, 0], "y": table.pose[:, 1]})
     layout = f"{poses.trajectory.layout}, {len(poses.trajectory.poses)} poses"
     words = f"{poses.source} ({layout}) {how}, {_of_what(readings, poses)}"

@@ -113,6 +113,8 @@ class ScanTable(NamedTuple):
     # nan where the format has none
     pose: FloatArray
     time: FloatArray  # (n_scans,) seconds; nan where unknown
+    # (n_scans, 3) of raw odometry, of what `pose` is of; None: `pose` is it, where it is odometry at all
+    odometry: FloatArray | None = None
 
 
 def _no_scans() -> ScanTable:

@@ -13,7 +13,7 @@ CHECKPOINT = "checkpoint.npz"
 PICTURE = "posterior.png"
 TRAJECTORY = "trajectory.csv"
 
-TRAJECTORY_HEADER = "scan,t,x,y,theta,sd_x,sd_y,sd_theta"
+TRAJECTORY_HEADER = "scan,t,x,y,theta,sd_x,sd_y,sd_theta,cov_xy,cov_xt,cov_yt"
 
 SCHEMAS = {
     MANIFEST: "prf.run/1",

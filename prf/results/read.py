@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 from collections.abc import Collection
 from pathlib import Path
@@ -41,7 +42,9 @@ def read_run_data(path: str | os.PathLike[str], parts: Collection[str] = PARTS) 
     if names.READINGS in present:
         fields |= read_readings(folder / names.READINGS)
     if names.POSES in present:
-        fields["trajectory"] = read_trajectory(folder / names.POSES)
+        found = read_trajectory(folder / names.POSES)
+        is_whole = len(found.draws) == len(fields["chain"])
+        fields["trajectory"] = dataclasses.replace(found, chain=fields["chain"]) if is_whole else found
         _check_owners(folder / names.POSES, fields)
     if names.MAP in present:
         fields["best"], fields["best_log_posterior"] = read_best(folder / names.MAP)

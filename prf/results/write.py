@@ -176,9 +176,9 @@ def write_trajectory(folder: Path, found: Trajectory) -> None:
 
 
 def trajectory_lines(found: Trajectory) -> Iterator[str]:
-    """Yield the lines of trajectory.csv: posterior mean and standard deviation of each pose, to the last bit."""
+    """Yield the lines of trajectory.csv: mean, standard deviation and covariances of each pose, to the last bit."""
     yield names.TRAJECTORY_HEADER
-    rows = np.column_stack([found.time, found.mean, found.sd]).tolist()
+    rows = np.column_stack([found.time, found.mean, found.sd, found.covariance[:, [0, 0, 1], [1, 2, 2]]]).tolist()
     for scan, row in zip(found.scan.tolist(), rows, strict=True):
         yield ",".join([str(scan), *("" if math.isnan(value) else repr(value) for value in row)])
 

@@ -202,10 +202,11 @@ class Ensemble:
         model = self.target.poses
         if model is None:
             return None
-        flat = [draw.poses for draws in self.recorded() for draw in draws]
+        recorded = self.recorded()
+        flat = [draw.poses for draws in recorded for draw in draws]
         offsets = np.array(flat, np.float32).reshape(len(flat), len(model.scan), 3)
-        owners = [None if part is None else part.owner for part in (model.laser, model.sonar)]
-        return Trajectory(model.scan, model.time, model.prior.given, offsets, *owners)
+        laser, sonar = (None if part is None else part.owner for part in (model.laser, model.sonar))
+        return Trajectory(model.scan, model.time, model.prior.given, offsets, laser, sonar, _chains_of(recorded))
 
     def sample(self) -> Sample:
         """Return the draws of all chains after burn-in."""
@@ -215,7 +216,7 @@ class Ensemble:
         values = np.array([draw.functionals for draw in flat]).reshape(len(flat), len(FUNCTIONALS))
         return Sample(
             draws=Draws.from_colorings([draw.coloring for draw in flat], self.target.window),
-            chain=np.repeat(np.arange(len(recorded), dtype=np.int32), [len(draws) for draws in recorded]),
+            chain=_chains_of(recorded),
             step=np.array([draw.step for draw in flat], np.int64),
             functionals={name: values[:, i].copy() for i, name in enumerate(FUNCTIONALS)},
             probe_black=colours.reshape(len(flat), len(self.probe_pixels)),
@@ -289,6 +290,11 @@ class Ensemble:
         """Return the mean log posterior of the present maps, up to a constant."""
         sums = [chain.chain.graph.sums for chain in self.chains]
         return float(np.mean([s[c.LOG_PRIOR] + s[c.LOG_LIKELIHOOD] for s in sums]))
+
+
+def _chains_of(recorded: list[list[Draw]]) -> NDArray[np.int32]:
+    """Return the number of the chain of each draw."""
+    return np.repeat(np.arange(len(recorded), dtype=np.int32), [len(draws) for draws in recorded])
 
 
 def is_look(step: int) -> bool:

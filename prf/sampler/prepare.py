@@ -112,21 +112,31 @@ def read_configured(
         frame=config.readings.frame,
         sonar_topic=config.readings.sonar_topic,
         cone=config.sonar.cone,
-        poses=given_poses(config.readings),
+        poses=given_poses(config.readings, config.trajectory.file),
         odometry=config.trajectory.step_noise is not None,
+        beam_angles=config.readings.beam_angles,
     )
 
 
-def given_poses(options: ReadingOptions) -> GivenPoses | None:
-    """Read the poses of a file with how they belong to scans; None if there is none."""
-    if options.poses is None:
-        return None
-    return read_poses(options.poses, options.pose_gap, options.pose_mount, options.pose_offset, options.pose_quaternion)
+def given_poses(options: ReadingOptions, odometry: str | None = None) -> GivenPoses | None:
+    """Read the poses of a file with how they belong to scans; None if there is none.
+
+    `odometry`: a file of raw odometry. Alone it gives the poses, else their steps.
+    """
+
+    def read(file: str | None) -> GivenPoses | None:
+        how = (options.pose_gap, options.pose_mount, options.pose_offset, options.pose_quaternion)
+        return None if file is None else read_poses(file, *how)
+
+    poses, driven = read(options.poses), read(odometry)
+    if poses is None or driven is None:
+        return poses or driven
+    return dataclasses.replace(poses, odometry=driven)
 
 
 def with_poses(logs: Sequence[str], config: Configuration) -> list[str]:
-    """Return the files that readings are from: the logs, and that of their poses."""
-    return [*logs, *([] if config.readings.poses is None else [config.readings.poses])]
+    """Return the files that readings are from: the logs, and those of their poses."""
+    return [*logs, *filter(None, (config.readings.poses, config.trajectory.file))]
 
 
 def prepare_whole(

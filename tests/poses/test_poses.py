@@ -6,6 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+import scipy.stats
 
 from prf.configuration import ODOMETRY, Configuration
 from prf.poses.graph import Pull, Relations, errors, root_of
@@ -245,6 +246,45 @@ def test_words_tell_corrections_from_knowledge(drawn: Trajectory) -> None:
     shifted = dataclasses.replace(drawn, draws=np.tile(np.float32([0.0, 1.5, 0.0]), (3, 4, 1)))
     assert shifted.words() == "4 poses corrected by 1.5 m and 0 degrees (rms), known to 0 cm and 0 degrees"
     assert dataclasses.replace(drawn, draws=drawn.draws[:0]).words().endswith("by 0 cm and 0 degrees (rms)")
+
+
+def apart(drawn: Trajectory, metres: float) -> Trajectory:
+    """Return the same draws as those of four chains whose means lie so far apart, along x."""
+    chain = np.repeat(np.arange(4, dtype=np.int32), len(drawn.draws) // 4)
+    off = np.array([-1.5, -0.5, 0.5, 1.5]) / np.std([-1.5, -0.5, 0.5, 1.5], ddof=1) * metres
+    shift = off[chain][:, None, None] * np.array([1.0, 0.0, 0.0])
+    return dataclasses.replace(drawn, draws=(drawn.draws + shift).astype(np.float32), chain=chain)
+
+
+def test_deviations_allow_for_few_chains(drawn: Trajectory) -> None:
+    """Chains that agree: the posterior's; four that do not: an interval of 95 % of a further one, by Student's t."""
+    np.testing.assert_allclose(apart(drawn, 0.0).sd, drawn.sd, rtol=0.01)
+    found = apart(drawn, 3.0).sd
+    np.testing.assert_allclose(found[:, 0], 3.0 * np.sqrt(1.25) * student(3), rtol=0.5)
+    np.testing.assert_allclose(found[:, 1:] / drawn.sd[:, 1:], found[0, 1] / drawn.sd[0, 1], rtol=0.01)
+
+
+def student(degrees: int) -> float:
+    return float(scipy.stats.t.ppf(0.975, degrees) / scipy.stats.norm.ppf(0.975))
+
+
+def test_a_further_chain_lies_within_the_deviations_of_four() -> None:
+    """Of chains that stay where they start the mean of a fifth is held by 1.96 deviations, 19 times of 20."""
+    rng = np.random.default_rng(4)
+    start = rng.standard_normal((4, 3000, 3))
+    draws = np.repeat(start, 8, axis=0) + 1e-3 * rng.standard_normal((32, 3000, 3))
+    chain = np.repeat(np.arange(4, dtype=np.int32), 8)
+    given, scan = np.zeros((3000, 3)), np.arange(3000)
+    found = Trajectory(scan, np.full(3000, np.nan), given, draws.astype(np.float32), chain=chain)
+    inside = np.abs(rng.standard_normal((3000, 3)) - found.mean) <= 1.96 * found.sd
+    np.testing.assert_allclose(inside.mean(), 0.95, atol=0.02)
+
+
+def test_poses_are_settled_where_chains_agree(drawn: Trajectory) -> None:
+    assert "known to" in apart(drawn, 0.02).words()
+    words = apart(drawn, 0.8).words()
+    assert "known to" not in words
+    assert "; not settled: chains differ by 80 cm at scan" in words
 
 
 def test_functionals_name_first_middle_and_last_pose(drawn: Trajectory) -> None:

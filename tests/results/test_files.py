@@ -119,7 +119,7 @@ def test_counts_of_beams_round_trip(tmp_path: Path) -> None:
 def moved() -> Run:
     run = make_run()
     assert run.laser is not None
-    return replace(run, trajectory=make_trajectory(run.laser, len(run.draws)))
+    return replace(run, trajectory=replace(make_trajectory(run.laser, len(run.draws)), chain=run.chain))
 
 
 def test_sampled_poses_round_trip_and_their_means_are_a_table(tmp_path: Path, moved: Run) -> None:
@@ -128,12 +128,14 @@ def test_sampled_poses_round_trip_and_their_means_are_a_table(tmp_path: Path, mo
     assert written is not None
     assert read is not None
     assert read.sonar is None
-    for name in ("scan", "time", "given", "draws", "laser"):
+    for name in ("scan", "time", "given", "draws", "laser", "chain"):
         np.testing.assert_array_equal(getattr(written, name), getattr(read, name))
     header, *rows = (tmp_path / "trajectory.csv").read_text().splitlines()
-    assert header == "scan,t,x,y,theta,sd_x,sd_y,sd_theta"
+    assert header == "scan,t,x,y,theta,sd_x,sd_y,sd_theta,cov_xy,cov_xt,cov_yt"
     table = np.array([[float(field) for field in row.split(",")] for row in rows])
-    np.testing.assert_array_equal(table, np.column_stack([read.scan, read.time, read.mean, read.sd]))
+    np.testing.assert_array_equal(
+        table, np.column_stack([read.scan, read.time, read.mean, read.sd, read.covariance[:, [0, 0, 1], [1, 2, 2]]])
+    )
     poses = read_pose_file(str(tmp_path / "trajectory.csv"))
     np.testing.assert_allclose(poses.poses[:, :2, 3], read.mean[:, :2])
     states = {state.name: state.summary for state in inspect_files(tmp_path)}

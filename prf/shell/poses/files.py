@@ -1,11 +1,12 @@
 """Files of poses, as SLAM programs and tools of evaluation write them: one reader for both tools.
 
 Read are rows of 12 numbers (3x4 matrix, KITTI), 16 (4x4), 7 (place and quaternion), 8 (time or name and these: TUM,
-graph.txt), g2o, JSON, and CSV with a header.
+graph.txt), 3 (x, y, heading), 4 (time and these), g2o, JSON, CSV with a header, and such rows as an array (.npy).
 """
 
 from __future__ import annotations
 
+import io
 import json
 import math
 import re
@@ -18,6 +19,7 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from prf.shell.cli.files import STREAM, gunzip, open_input
 from prf.shell.errors import InputError
+from prf.shell.poses.headings import in_radians
 
 Floats = NDArray[np.float64]
 Order = Literal["xyzw", "wxyz"]
@@ -30,17 +32,16 @@ UPRIGHT = 0.9
 """Least upward component of the z axes of sensors that all stand upright, and ..."""
 TILTED = 0.5
 """... the one below which a sensor does not."""
-WIDEST = 4.0 * np.pi
-"""Radians: a larger heading is in degrees."""
 TICKS = ((9e17, 1e-9), (9e14, 1e-6), (9e11, 1e-3))
 """Times of this millennium are above these where they are nano-, micro- or milliseconds since 1970."""
 
 LAYOUTS = (
     "Rows may be 12 numbers (3x4 matrix, KITTI), 16 (4x4), 7 (tx ty tz and a quaternion), 8 (time or name and "
-    "these), g2o, 4x4 matrices over four lines, JSON, and CSV with a header such as t,x,y,theta."
+    "these), 3 (x y theta), 4 (t x y theta), g2o, 4x4 matrices over four lines, JSON, CSV with a header such as "
+    "t,x,y,theta, and .npy."
 )
 
-GZIP_MAGIC, BYTE_ORDER_MARK = b"\x1f\x8b\x08", b"\xef\xbb\xbf"
+GZIP_MAGIC, BYTE_ORDER_MARK, NUMPY_MAGIC = b"\x1f\x8b\x08", b"\xef\xbb\xbf", b"\x93NUMPY"
 
 G2O_VERTICES = ("VERTEX_SE3:QUAT", "VERTEX_SE2")
 """Rows of g2o with a number and a pose; ..."""
@@ -96,16 +97,19 @@ def read_pose_file(path: str, quaternion: Order | None = None, key: str = "quate
         values, where, width = values.reshape(-1, 16), where[::4], 16
     if width == 16 and not values[:, 12:15].any() and (np.abs(values[:, 15] - 1.0) > ROTATION_TOLERANCE).any():
         times, values = values[:, 15].copy(), np.column_stack([values[:, :15], np.ones(len(values))])
-    is_planar = width == 3 + (not rows.is_g2o) and (rows.is_g2o or bool((np.diff(values[:, 0]) > 0.0).all()))
+    is_planar = width == 3 or (width == 4 and bool((np.diff(values[:, 0]) > 0.0).all()))
     if width == 8 or (width == 4 and is_planar):
         times, values = values[:, 0], values[:, 1:]
     if not is_planar and values.shape[1] not in (7, 12, 16):
         raise InputError(f"{where[0]}: {width} columns, expected a pose of 7, 8, 12 or 16 numbers. {LAYOUTS}")
     _refuse_far(values, where)
-    layout = "g2o" if rows.is_g2o else {8: "TUM", 12: "KITTI", 4: "t x y theta"}.get(width, f"rows of {width}")
+    names = {8: "TUM", 12: "KITTI", 3: "x y theta", 4: "t x y theta"}
+    layout = "g2o" if rows.is_g2o else names.get(width, f"rows of {width}")
     if is_planar:
         zero = np.zeros((len(values), 2))
-        poses = _of_angles(np.column_stack([values[:, :2], zero[:, 0]]), np.column_stack([values[:, 2], zero]), where)
+        heading, unit = in_radians(values[:, :2], values[:, 2], where)
+        layout += unit
+        poses = _of_angles(np.column_stack([values[:, :2], zero[:, 0]]), np.column_stack([heading, zero]))
     elif values.shape[1] == 7:
         poses = _of_quaternions(values, where, path, quaternion, key)
     else:
@@ -169,21 +173,18 @@ def _of_columns(rows: _Rows) -> PoseFile:
     _refuse_far(np.column_stack(list(column.values())), rows.where)
     zero = np.zeros(len(rows.where))
     place = np.column_stack([column.get(name, zero) for name in "xyz"])
+    unit = ""
     if "theta" in column:
-        turns = np.column_stack([column.get(name, zero) for name in ("theta", "pitch", "roll")])
-        poses = _of_angles(place, turns, rows.where)
+        heading, unit = in_radians(place[:, :2], column["theta"], rows.where)
+        poses = _of_angles(place, np.column_stack([heading, *(column.get(name, zero) for name in ("pitch", "roll"))]))
     else:
         quaternions = [column[f"q{axis}"] for axis in "xyzw"]
         poses = _of_quaternions(np.column_stack([place, *quaternions]), rows.where, "", "xyzw", "")
-    return PoseFile(poses, None, None if times is None else in_seconds(times), "CSV")
+    return PoseFile(poses, None, None if times is None else in_seconds(times), f"CSV{unit}")
 
 
-def _of_angles(place: Floats, turns: Floats, where: Sequence[str]) -> Floats:
+def _of_angles(place: Floats, turns: Floats) -> Floats:
     """Return the poses of places (k, 3) and turns (k, 3) about z, then y, then x."""
-    wide = np.flatnonzero(np.abs(turns).max(axis=1) > WIDEST)
-    if len(wide):
-        found = f"an angle is {np.abs(turns[wide[0]]).max():g} rad"
-        raise InputError(f"{where[wide[0]]}: {found}. If these are degrees, name the column so in a header: yaw_deg.")
     return rigid(Rotation.from_euler("ZYX", turns).as_matrix(), place)
 
 
@@ -230,7 +231,12 @@ class _Rows(NamedTuple):
 def _read_rows(path: str) -> _Rows:
     """Read the rows of a file of text, gzipped or not."""
     source = "standard input" if path == STREAM else path
-    text = _text(path, source)
+    data = _content(path, source)
+    if data.startswith(NUMPY_MAGIC):
+        values = array_of(data, source)
+        values = values.T if len(values) == 3 != values.shape[1] else values
+        return _Rows([f"{source}: row {number}" for number in range(len(values))], values)
+    text = _text(data, source)
     if text.lstrip()[:1] in ("[", "{"):
         return _of_json(text, source)
     lines = text.splitlines()
@@ -291,12 +297,28 @@ def slam_state(head: bytes) -> str | None:
     return next((words for magic, words in SLAM_STATES.items() if head.startswith(magic)), None)
 
 
-def _text(path: str, source: str) -> str:
-    """Return the content of a file as text."""
+def _content(path: str, source: str) -> bytes:
+    """Return the content of a file, decompressed."""
     with open_input(path) as stream:
         data = stream.read()
-    if data.startswith(GZIP_MAGIC):
-        data = gunzip(data, source)
+    return gunzip(data, source) if data.startswith(GZIP_MAGIC) else data
+
+
+def array_of(data: bytes, source: str) -> Floats:
+    """Return the numbers (k, w) of a .npy file."""
+    try:
+        values = np.load(io.BytesIO(data), allow_pickle=False)
+        if values.ndim != 2 or not len(values):
+            raise ValueError(f"its shape is {values.shape}")
+        return np.asarray(values, np.float64)
+    except (ValueError, TypeError, EOFError) as error:
+        raise InputError(
+            f"{source}: not an array of numbers, a row a scan ({error}). Save it with numpy.save."
+        ) from None
+
+
+def _text(data: bytes, source: str) -> str:
+    """Return the content of a file as text."""
     if (state := slam_state(data)) is not None:
         raise InputError(f"{source}: {state}.")
     if b"\0" in data[: 1 << 16]:

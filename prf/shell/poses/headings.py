@@ -1,0 +1,54 @@
+"""Headings of a file that names no unit: radians, counted over turns or not, or degrees, as the way driven shows."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from prf.shell.errors import InputError
+
+Floats = NDArray[np.float64]
+
+WIDEST = 4.0 * np.pi
+"""Radians: a larger heading is in degrees, unless the way driven says otherwise."""
+LEAST_FOLLOWED = 0.5
+"""Share of the way that headings in degrees follow at least; ..."""
+SURELY, HARDLY = 0.8, 0.6
+"""... and shares of that which they follow as radians, from which and up to which they are these or degrees."""
+
+
+def in_radians(place: Floats, heading: Floats, where: Sequence[str]) -> tuple[Floats, str]:
+    """Return headings (k,) at places (k, 2) in radians, and what to say of it.
+
+    Headings within one turn are radians. Others may be counted over turns, or be in degrees: a robot drives along its
+    heading, or at one angle to it, while headings in the wrong unit have nothing to do with the way. Where it does not
+    show, headings beyond two turns are refused.
+    """
+    if np.ptp(heading) <= 2.0 * np.pi:
+        return heading, ""
+    as_radians, as_degrees, chance = (_followed(place, heading, unit) for unit in (1.0, math.radians(1.0), math.inf))
+    if as_degrees > max(LEAST_FOLLOWED, chance) and as_radians < HARDLY * as_degrees:
+        return np.radians(heading), ", headings in degrees, which the way follows"
+    wide = np.flatnonzero(np.abs(heading) > WIDEST)
+    if len(wide) and not (as_radians > chance and as_radians > SURELY * as_degrees):
+        found = f"an angle is {np.abs(heading[wide[0]]):g} rad"
+        raise InputError(f"{where[wide[0]]}: {found}. If these are degrees, name the column so in a header: yaw_deg.")
+    return heading, ""
+
+
+def _followed(place: Floats, heading: Floats, unit: float) -> float:
+    """Return the share of the way that goes at one angle to headings of a unit (rad), forward or back.
+
+    With an infinite unit the share that headings at random may reach.
+    """
+    step = np.diff(place, axis=0)
+    length = np.hypot(step[:, 0], step[:, 1])
+    total = max(float(length.sum()), 1e-9)
+    if unit == math.inf:
+        return 3.0 * math.sqrt(float((length**2).sum())) / total
+    turn = np.angle(np.exp(1j * unit * np.diff(heading)))
+    off = np.arctan2(step[:, 1], step[:, 0]) - unit * heading[:-1] - 0.5 * turn
+    return float(np.abs((length * np.exp(2j * off)).sum())) / total
