@@ -130,7 +130,7 @@ def calibrate_laser(readings: Readings, area: OccupiedArea, config: Configuratio
     max_range = default_max_range(readings) if config.laser.max_range is None else config.laser.max_range
     if not math.isfinite(max_range):
         raise InputError(f"{readings.source}: no reading has a finite range. Give --max-range.")
-    default = LaserModel().model_dump(exclude={"max_range"})
+    default = LaserModel().model_dump(exclude={"max_range", "beam_weight"})
     used, counts = _usable(readings, area, config)
     direction, reach = unit_vectors(used.angle), np.full(used.n_beams, max_range)
     if area.window is not None:

@@ -62,8 +62,12 @@ class Prior(Table):
 class Thinning(Table):
     """Which beams of a dense log are used (docs/large-jobs.md)."""
 
-    beam_density: float = key(
-        16.0, "1/m²", "beams of a laser a square metre of seen ground, about; 0: all of them", ge=0.0
+    beam_density: float | None = key(
+        None,
+        "1/m²",
+        "beams of a laser a square metre of seen ground, about; 0: all of them",
+        unset="16; with uncertain poses all of them, up to 100,000",
+        ge=0.0,
     )
 
 

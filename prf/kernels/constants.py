@@ -156,4 +156,5 @@ MISS = 5
 LOG_OUTLIER = 6  # log density of a return without an obstacle in reach
 LOG_MISS = 7  # log probability of no return without an obstacle in reach
 VANISHING = 8  # square of the deviation, in standard deviations, past which only outliers count, to the last bit
-N_LASER_MODEL = 9
+WEIGHT = 9  # independent readings that a beam counts as
+N_LASER_MODEL = 10

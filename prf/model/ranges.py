@@ -102,12 +102,13 @@ def laser_array(model: LaserModel) -> Floats:
     array[c.MISS] = model.miss_probability
     array[c.LOG_OUTLIER] = math.log(model.outlier_probability / model.limit)
     array[c.LOG_MISS] = math.log(model.miss_probability + model.hit_probability)
+    array[c.WEIGHT] = model.weight
     array[c.VANISHING] = model.deviation_where_hits_are(BELOW_ONE_BIT) ** 2
     return array
 
 
 def best_log_likelihood(model: LaserModel, readings: Floats) -> Floats:
-    """Return a bound (n,) that the log density of each reading exceeds at no distance.
+    """Return a bound (n,) that what each reading adds to the log likelihood exceeds at no distance.
 
     Readings are those of :func:`make_rays`: metres; inf for no return, -m for one that is censored at m.
 
@@ -124,7 +125,7 @@ def best_log_likelihood(model: LaserModel, readings: Floats) -> Floats:
     censored_at = np.where(readings < 0.0, -readings, model.limit)
     outliers = model.outlier_probability * (1.0 - censored_at / model.limit)
     missed = np.log(model.miss_probability + model.hit_probability + outliers)
-    return np.asarray(np.where(has_return, hit, missed) + 1e-9)
+    return np.asarray(model.weight * (np.where(has_return, hit, missed) + 1e-9))
 
 
 def beam_influence(model: LaserModel, readings: Floats) -> Floats:

@@ -55,6 +55,15 @@ class LaserModel(Table):
     outlier_probability: float = key(0.05, "", "share of outliers, above 0", flag="SHARE", ge=MIN_PROBABILITY, lt=1.0)
     miss_probability: float = key(0.02, "", "share of no returns from a wall in range", flag="SHARE", ge=0.0, lt=1.0)
 
+    beam_weight: float | None = key(
+        None,
+        "",
+        "independent readings that a beam counts as, at most 1",
+        unset="1; with uncertain poses as few as its neighbours on a wall err together",
+        gt=0.0,
+        le=1.0,
+    )
+
     def check(self) -> None:
         """Refuse weights that leave nothing for hits."""
         if self.outlier_probability + self.miss_probability >= 1.0:
@@ -66,6 +75,11 @@ class LaserModel(Table):
         """The maximum range, metres, which the log has given where the settings do not."""
         assert self.max_range is not None
         return self.max_range
+
+    @property
+    def weight(self) -> float:
+        """The beam weight, which the readings have given where the settings do not."""
+        return 1.0 if self.beam_weight is None else self.beam_weight
 
     @property
     def hit_probability(self) -> float:

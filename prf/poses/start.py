@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from prf.poses.align import align, dispersed
+from prf.poses.errors import independence
 from prf.poses.follow import follow
 from prf.poses.graph import Pull, Relations, root_of
 from prf.poses.loops import LoopMatch, close_loops
@@ -34,6 +35,7 @@ class Start(NamedTuple):
     scans: WallPoints
     pull: Pull
     loops: list[LoopMatch]  # of odometry: plausible closures, used or not
+    independence: float = 1.0  # independent readings that a beam counts as
 
     def draw(self, rng: np.random.Generator) -> Floats:
         """Return poses (n, 3) from the normal approximation of their posterior, so that chains start apart."""
@@ -81,8 +83,10 @@ def find_start(model: PoseModel, laser: Readings, noise: float) -> Start:
         n_used = sum(loop.is_used for loop in loops)
         logger.info(f"start trajectory: {n_used} closures of loops, {len(loops) - n_used} plausible ones left out")
         error = LEFT
+    whole = scans
     scans = scans.select(np.arange(len(scans.owner)) % (1 + len(scans.owner) // MOST_POINTS) == 0)
-    return Start(align(scans, poses, pull, error, np.random.default_rng(0)), scans, pull, loops)
+    poses = align(scans, poses, pull, error, np.random.default_rng(0))
+    return Start(poses, scans, pull, loops, independence(whole, poses))
 
 
 def pull_of(prior: PosePrior) -> Pull:

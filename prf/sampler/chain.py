@@ -284,7 +284,7 @@ class ChainRun:
             return stop_requested() or time.time() > latest
 
         if self.poses is not None:
-            self.chain = self.poses.start(self.chain, self.rng)
+            self.chain = self.poses.start(self.chain)
         if self.starts_from != "empty":
             start = find_start_map(self.starts_from, self.target, self.rng, is_over)
             chain = with_map(self.chain, self.target, start)

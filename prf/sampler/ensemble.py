@@ -20,6 +20,7 @@ from prf.poses.posterior import Trajectory, pose_functionals
 from prf.results import PosteriorImage
 from prf.results.convergence import Diagnosis, diagnose, disagree
 from prf.sampler.chain import EDGES_ANYWHERE, FUNCTIONALS, ChainRun, Draw, burn_in
+from prf.sampler.poses import start_apart
 from prf.sampler.schedules import LadderPlan, aim, is_aimed
 from prf.sampler.target import Target, copied, run_chain
 from prf.sampler.tiles.rounds import make_tile_data
@@ -66,6 +67,7 @@ class Ensemble:
             like = self.chains[0].chain if self.chains else None
             made = ChainRun(target, rng, self.probe_pixels, starts_from=starts_from, like=like, is_cooled=is_cooled)
             self.chains.append(made)
+        start_apart([chain.poses for chain in self.chains if chain.poses is not None], generators)
         self._awaited = plan if plan is not None and plan.temperatures > 1 else None
         self._blocks = 0  # whole blocks of steps at the start of the round
         if self._awaited is not None and not self._awaited.waits:

@@ -7,6 +7,7 @@ of beams, cones and sensors are laid out anew.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,7 +49,7 @@ class PoseTurns(Plain):
 
     def __init__(self, target: Target, chain: Chain, map_schedule: Plain) -> None:
         assert target.poses is not None
-        self.target, self.map_schedule = target, map_schedule
+        self.target, self.map_schedule, self.first = target, map_schedule, target.poses.start
         self.state = make_poses(target, target.poses, chain)
         n, n_readings = len(self.state.pose), len(self.state.beam_of) + len(self.state.cone_of)
         self.map_steps = min(MOST_MAP_STEPS, MAP_STEPS * max(1, math.ceil(n_readings / MAP_STEPS)))
@@ -84,15 +85,13 @@ class PoseTurns(Plain):
             repaint(chain)
         return chain
 
-    def start(self, chain: Chain, rng: np.random.Generator) -> Chain:
-        """Put the poses of a chain where scans agree, about: chains start apart."""
-        model = self.target.poses
-        assert model is not None
-        if model.draw_start is not None:
-            chain = self.place(chain, model.draw_start(rng))
-            if self.target.window.contains(self.sites(), strictly=True).all():
-                return chain
-        return self.place(chain, model.start)
+    def start(self, chain: Chain) -> Chain:
+        """Put the poses of a chain where it starts, or, if a sensor left the window there, where scans agree best."""
+        chain = self.place(chain, self.first)
+        if self.target.window.contains(self.sites(), strictly=True).all():
+            return chain
+        assert self.target.poses is not None
+        return self.place(chain, self.target.poses.start)
 
     def place(self, chain: Chain, pose: Floats) -> Chain:
         """Put the poses of a chain at `pose` (n, 3), and all its readings with them."""
@@ -136,6 +135,21 @@ class PoseTurns(Plain):
     def measure(self, chain: Chain) -> None:
         """Scale random walks by what poses may vary by on the present map."""
         measure_spread(chain.graph, chain.edge_index, chain.beams, self.state)
+
+
+def start_apart(turns: Sequence[PoseTurns], generators: Sequence[np.random.Generator]) -> None:
+    """Have the chains of a target start at draws of their poses, in pairs on opposite sides of where scans agree best.
+
+    They start apart, and the mean of all is that best place: a chain leaves its start but slowly.
+    """
+    for k, (each, rng) in enumerate(zip(turns, generators, strict=False)):
+        model = each.target.poses
+        assert model is not None
+        if k % 2 == 1:
+            off = turns[k - 1].first - model.start
+            each.first = model.start - np.column_stack([off[:, :2], wrapped(off[:, 2])])
+        elif model.draw_start is not None:
+            each.first = model.draw_start(rng)
 
 
 def make_poses(target: Target, model: PoseModel, chain: Chain) -> Poses:

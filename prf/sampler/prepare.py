@@ -37,6 +37,10 @@ from prf.sampler.schedules import AUTO_TEMPERATURES, LadderPlan
 from prf.sampler.target import Execution, LaserData, PointData, SonarData, Target
 from prf.shell.errors import ConfigError, InputError
 
+BEAM_DENSITY = 16.0
+"""Beams of a dense log a square metre of seen ground."""
+MOST_POSED_BEAMS = 100_000
+"""Beams up to which all locate uncertain poses, and none is left out."""
 DRIVEN_RADIUS = 0.1
 """Metres. Of the disc that was free all along the way where poses are certain; with uncertain ones nothing is taken."""
 PIXELS_ACROSS = 500
@@ -73,7 +77,7 @@ class Prepared(NamedTuple):
             logger.warning(f"{self.n_points_outside} points dropped: they lie outside the window or on its border")
         if self.n_beams_thinned:
             logger.info(
-                f"thinned to about {self.config.thinning.beam_density:g} beams a square metre of seen ground, since "
+                f"thinned to about {self.config.thinning.beam_density:.3g} beams a square metre of seen ground, since "
                 "more repeat these and slow every step; --set thinning.beam_density=0 keeps all (docs/large-jobs.md)"
             )
 
@@ -182,7 +186,8 @@ def prepare(
     cones = None if sonar is None else _cones(config, sonar)
     whole = None
     if config.trajectory.is_uncertain and (beams is not None or cones is not None):
-        whole = _started(config, beams, cones)
+        whole, weight = _started(config, beams, cones)
+        config = config.replace(beam_weight=config.laser.beam_weight or weight)
         beams, cones = whole.placed(beams, cones, whole.start)
         driven = [part for part in (beams, cones) if part is not None]
     sensors = [part for part in (beams, cones) if part is not None]
@@ -191,7 +196,8 @@ def prepare(
     rows, cone_rows = _rows_inside(beams, window), _rows_inside(cones, window)
     inside, kept_cones = _chosen_rows(beams, rows), _chosen_rows(cones, cone_rows)
     if inside is not None:
-        rows = rows[_thinned(config, inside, window)]
+        kept, config = _thinned(config, inside, window)
+        rows = rows[kept]
     kept_beams = _chosen_rows(beams, rows)
     if sensors and kept_beams is None and kept_cones is None:
         source = " and ".join(log.source for log in (laser, sonar) if log is not None)
@@ -286,22 +292,25 @@ def _chosen_rows(readings: Readings | None, rows: NDArray[np.int64]) -> Readings
     return readings if len(rows) == len(readings.range) else readings.select(rows)
 
 
-def _thinned(config: Configuration, beams: Readings, window: Window) -> NDArray[np.int64]:
-    """Return which beams thinning keeps."""
-    density = config.thinning.beam_density
-    return thin_beams(window, beams.origin, beams.angle, beams.range, beams.max_range, density)
+def _thinned(config: Configuration, beams: Readings, window: Window) -> tuple[NDArray[np.int64], Configuration]:
+    """Return which beams thinning keeps, and the configuration with the density that it keeps."""
+    if config.thinning.beam_density is None:
+        is_few = config.trajectory.is_uncertain and beams.n_beams <= MOST_POSED_BEAMS
+        config = config.replace(beam_density=0.0 if is_few else BEAM_DENSITY)
+    density = config.thinning.beam_density or 0.0
+    return thin_beams(window, beams.origin, beams.angle, beams.range, beams.max_range, density), config
 
 
-def _started(config: Configuration, beams: Readings | None, cones: Readings | None) -> PoseModel:
-    """Return the uncertain poses of all readings, with where they start."""
+def _started(config: Configuration, beams: Readings | None, cones: Readings | None) -> tuple[PoseModel, float]:
+    """Return the uncertain poses of all readings, with where they start, and what weight a beam has there."""
     trajectory = config.trajectory
     if config.sampler.is_tempered or config.sampler.tiles:
         raise ConfigError("uncertain poses: their chains have neither tiles nor temperatures. Leave these out.")
     found = pose_model(beams, cones, trajectory.pose_noise, trajectory.step_noise)
     if beams is None:
-        return found if len(found.prior.motion) else dataclasses.replace(found, draw_start=found.prior.draw)
+        return (found if len(found.prior.motion) else dataclasses.replace(found, draw_start=found.prior.draw)), 1.0
     start = find_start(found, beams, config.laser.noise)
-    return dataclasses.replace(found, start=start.poses, draw_start=start.draw)
+    return dataclasses.replace(found, start=start.poses, draw_start=start.draw), start.independence
 
 
 def ladder_plan(config: Configuration) -> LadderPlan:

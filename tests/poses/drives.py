@@ -52,9 +52,9 @@ def odometry_of(truth, kind="wheels"):
     return pose_model(readings, None, None, ODOMETRY[kind]).prior
 
 
-def readings_at(walls, truth, given, seed=0, n_beams=90):
+def readings_at(walls, truth, given, seed=0, n_beams=90, **physics):
     """Return the scans of a laser at true poses (n, 3), as a log has them that takes the robot to be at given ones."""
-    physics = LaserPhysics(beams=n_beams, max_range=12.0)
+    physics = LaserPhysics(beams=n_beams, max_range=12.0, **physics)
     ranges = simulate_laser(np.asarray(walls, float), truth, physics, np.random.default_rng(seed))
     n = np.arange(len(truth))
     beams = np.stack(

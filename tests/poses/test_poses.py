@@ -17,6 +17,7 @@ from prf.poses.plane import compose, seen_from, wrapped
 from prf.poses.posterior import Trajectory, pose_functionals
 from prf.poses.start import find_start, find_trajectory
 from prf.readings import Readings
+from prf.sampler.ensemble import Ensemble
 from prf.sampler.prepare import prepare
 from prf.shell.errors import InputError
 from tests.poses.drives import BLOCK, ROOM, odometry_of, off, readings_at, round_the_block
@@ -73,6 +74,33 @@ def test_the_pose_that_fixes_the_frame_is_the_same_for_all_chains():
     one, other = (start.draw(np.random.default_rng(seed)) for seed in (1, 2))
     np.testing.assert_array_equal(one[0], other[0])
     assert (one[1:] != other[1:]).all()
+
+
+@pytest.mark.parametrize(("noise", "related", "weight"), [(0.03, 0.0, 0.9), (0.03, 0.7, 0.27), (0.015, 0.7, 0.8)])
+def test_beams_count_for_as_much_as_their_errors_are_independent(noise, related, weight):
+    """Errors with correlations r^k count (1 - r) / (1 + r) each; at half the noise of the model four times that."""
+    exact = {"noise": 1e-4, "noise_relative": 0.0, "outlier_probability": 0.0, "miss_probability": 0.0}
+    scans, rng = readings_at(ROOM, TRUTH, TRUTH, n_beams=180, **exact), np.random.default_rng(6)
+    error = rng.standard_normal(scans.n_beams)
+    for k in range(1, len(error)):
+        error[k] = related * error[k - 1] + np.sqrt(1.0 - related**2) * error[k]
+    scans = dataclasses.replace(scans, range=scans.range + noise * error)
+    found = find_start(pose_model(scans, None, (0.05, 0.01)), scans, 0.03).independence
+    np.testing.assert_allclose(found, weight, rtol=0.25)
+
+
+def test_chains_start_in_pairs_on_opposite_sides_of_where_scans_agree():
+    given = TRUTH + np.random.default_rng(3).normal(size=TRUTH.shape) * [0.1, 0.1, 0.02]
+    target = prepare(Configuration.of(pose_noise=(0.1, 0.02)), readings_at(ROOM, TRUTH, given)).target
+    chains = Ensemble(target, [np.random.default_rng(seed) for seed in range(3)]).chains
+    one, other, third = (chain.poses.first for chain in chains)
+    np.testing.assert_allclose(0.5 * (one + other), target.poses.start, atol=1e-12)
+    assert off(one, other) > 0.002
+    assert off(one, third) > 0.002
+    np.testing.assert_array_equal(
+        chains[1].poses.start(chains[1].chain).beams.ray.shape, chains[1].chain.beams.ray.shape
+    )
+    np.testing.assert_array_equal(chains[1].poses.state.pose, other)
 
 
 # Linear equations of relative poses.

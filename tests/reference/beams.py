@@ -24,6 +24,7 @@ class Sensor(NamedTuple):
     relative: float = 0.01
     outlier: float = 0.05
     miss: float = 0.02
+    weight: float = 1.0
 
     @property
     def hit(self) -> float:

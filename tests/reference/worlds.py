@@ -23,7 +23,7 @@ class World(NamedTuple):
 
 
 def model_of(sensor: Sensor) -> LaserModel:
-    return LaserModel(sensor.max, sensor.noise, sensor.relative, sensor.outlier, sensor.miss)
+    return LaserModel(sensor.max, sensor.noise, sensor.relative, sensor.outlier, sensor.miss, sensor.weight)
 
 
 def draw_white(scale: float, window: Window, place: np.ndarray, rng: np.random.Generator) -> Coloring:

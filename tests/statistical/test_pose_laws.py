@@ -27,6 +27,7 @@ SEED = 20261123
 Floats = NDArray[np.float64]
 BLUNT = Sensor(2.2, noise=0.15, outlier=0.2, miss=0.05)
 ONE = Rig(n=1, noise=(0.12, 0.15), n_beams=8, sensor=BLUNT)
+LIGHT = ONE._replace(sensor=BLUNT._replace(weight=0.3))
 PAIR = Rig(n=2, noise=(0.12, 0.15), odometry=(0.2, 0.1, 0.1, 0.1), n_beams=6, sensor=BLUNT)
 TIED = PAIR._replace(n=3, noise=None)
 N_BATCHES = 50
@@ -48,7 +49,7 @@ def log_likelihood(world: PoseWorld, poses: Floats) -> Floats:
             [cosine * local[0] - sine * local[1], sine * local[0] + cosine * local[1]]
         )
         distance = first_hits(ends, origin, pose[:, 2] + bearing, laser.model.max_range)
-        total += beam_density(laser, float(reading), distance)
+        total += laser.model.weight * beam_density(laser, float(reading), distance)
         total[black_at(world.coloring, origin)] = -np.inf
     return total
 
@@ -142,6 +143,20 @@ def test_one_pose_on_a_known_map_has_its_posterior(odds: dict[int, float], seed:
     z = z_of_moves(ONE, odds, seed)
     assert len(z) > 10
     assert np.abs(z).max() < LIMIT, z
+
+
+@pytest.mark.parametrize("odds", [{WALK: 1.0}, {MATCH: 1.0}], ids=["walk", "match"])
+def test_beams_of_less_weight_say_less_of_a_pose(odds: dict[int, float]) -> None:
+    z = z_of_moves(LIGHT, odds, 4)
+    assert np.abs(z).max() < LIMIT, z
+    heavy, light = (error_of(known_world(rig, 4)) for rig in (ONE, LIGHT))
+    assert light > 1.2 * heavy
+
+
+def error_of(known: tuple[PoseWorld, Floats, Floats]) -> float:
+    """Posterior standard deviation of x, by the means of the features."""
+    _, mean, _ = known
+    return float(np.sqrt(mean[3] - mean[0] ** 2))
 
 
 @pytest.mark.parametrize("seed", [11, 12, 15])

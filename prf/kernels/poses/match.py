@@ -63,7 +63,7 @@ def add_beam(model: Array, work: Array, pose: Array, ray: Array, xy: Array, widt
     jx, jy = -ey / across, ex / across
     ox, oy = ray[c.ORIGIN_X] - pose[0], ray[c.ORIGIN_Y] - pose[1]
     jt = (-oy) * jx + ox * jy + distance * (ux * ex + uy * ey) / across
-    add_terms(work, jx, jy, jt, error, share / (s * s))
+    add_terms(work, jx, jy, jt, error, model[c.WEIGHT] * share / (s * s))
 
 
 @core

@@ -37,6 +37,12 @@ def censored_log_likelihood(model: Array, bound: float, distance: float) -> floa
 
 @core
 def beam_log_likelihood(model: Array, reading: float, distance: float) -> float:
+    """What a beam adds to the log likelihood: the log of its density (:func:`log_density`) times its weight."""
+    return model[c.WEIGHT] * log_density(model, reading, distance)
+
+
+@core
+def log_density(model: Array, reading: float, distance: float) -> float:
     """Log density of a reading if the first obstacle lies at `distance` (inf: none), metres.
 
     w_hit N(r; d, s^2) / Phi(d/s) + w_outlier / max for a return r, with s = max(noise, noise_relative d). inf is no

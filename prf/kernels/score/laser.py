@@ -4,7 +4,7 @@ import math
 
 from prf.kernels import constants as c
 from prf.kernels._jit import Array, core, core_entry
-from prf.kernels.readings.laser import CDF_SATURATION, ROOT_TWO_PI, beam_log_likelihood, normal_cdf
+from prf.kernels.readings.laser import CDF_SATURATION, ROOT_TWO_PI, log_density, normal_cdf
 from prf.kernels.state.grid import Grid, axis_index
 
 LEAST_BIN = 1e-9
@@ -29,7 +29,7 @@ def add_densities(model: Array, readings: Array, distance: Array, occupied: Arra
         if occupied[beam]:
             total[beam] += outliers(model, readings[beam])
         else:
-            total[beam] += math.exp(beam_log_likelihood(model, readings[beam], distance[beam]))
+            total[beam] += math.exp(log_density(model, readings[beam], distance[beam]))
 
 
 @core

@@ -1,0 +1,68 @@
+"""What the scans show of the errors of ranges: how far beams of one scan lie off walls that others drew."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from prf.poses.plane import Floats
+from prf.poses.scans import WallPoints
+
+MOST = 20_000  # points that are compared
+OTHERS, FEWEST = 64, 12  # points of other scans that a wall is fitted to
+REACH = 0.25  # metres from a point within which these lie
+THIN = 3.0  # standard deviations that they lie off their line at most, or it is no wall
+LAGS = 24  # beams up to which errors of one wall are compared
+OFF_WALL = 4.0  # standard deviations from it beyond which a point says nothing of noise
+UPRIGHT = 0.6  # cosine of the angle to the normal above which a distance from a wall says what a range errs by
+FEWEST_PAIRS = 100  # of points that a correlation is of, at least
+
+
+def independence(scans: WallPoints, poses: Floats) -> float:
+    """Return how many independent readings a beam counts as, at most 1, at poses (n, 3) at which the scans agree.
+
+    Beams err by v times the variance of the model, with correlations r_k of those k beams apart on one wall: a beam
+    counts 1 / (v (1 + 2 sum r_k)), so that a wall is known as well as its points show. The sum has Bartlett's weights
+    and ends where r_k is not above 0: poses took up what beams far apart have in common. 1 where scans show too little.
+    """
+    error, order = _errors(scans, poses)
+    near = np.isfinite(error)
+    if near.sum() < FEWEST_PAIRS:
+        return 1.0
+    near &= np.abs(error) < OFF_WALL * max(1.4826 * float(np.median(np.abs(error[near]))), 1e-9)
+    variance, total, owner = float(np.mean(np.square(error[near]))), 1.0, scans.owner[order]
+    for lag in range(1, min(LAGS, len(error) - 1) + 1):
+        pair = (owner[:-lag] == owner[lag:]) & near[:-lag] & near[lag:]
+        related = float((error[:-lag] * error[lag:])[pair].mean()) / variance if pair.sum() >= FEWEST_PAIRS else 0.0
+        if related <= 0.0:
+            break
+        total += 2.0 * (1.0 - lag / (LAGS + 1.0)) * related
+    return min(1.0, 1.0 / max(variance * total, 1e-9))
+
+
+def _errors(scans: WallPoints, poses: Floats) -> tuple[Floats, np.ndarray]:
+    """Return by how many standard deviations ranges err (m,), nan where no wall is there; and the points they are of.
+
+    A wall is what points of other scans near by lie on, so that a point has no part in what it is compared with.
+    """
+    world, facing = scans.at(poses)
+    order = np.arange(min(len(world), MOST))
+    distance, near = cKDTree(world).query(world[order], k=min(OTHERS, len(world)), distance_upper_bound=REACH)
+    near = np.minimum(near, len(world) - 1)
+    others = np.isfinite(distance) & (scans.owner[near] != scans.owner[order][:, None])
+    # Not the other side of a wall.
+    others &= np.einsum("mki,mi->mk", facing[near], facing[order]) > 0.0
+    n = others.sum(axis=1)
+    weight = others / np.maximum(n, 1)[:, None]
+    around = world[near]
+    middle = np.einsum("mk,mki->mi", weight, around)
+    value, vector = np.linalg.eigh(
+        np.einsum("mk,mki,mkj->mij", weight, around - middle[:, None], around - middle[:, None])
+    )
+    normal, sharpness = vector[:, :, 0], scans.weight[order]
+    seen = world[order] - poses[scans.owner[order], :2]
+    upright = np.abs(np.einsum("mi,mi->m", normal, seen)) / np.maximum(np.linalg.norm(seen, axis=1), 1e-9)
+    off = np.einsum("mi,mi->m", normal, world[order] - middle) / np.maximum(upright, UPRIGHT) * np.sqrt(sharpness)
+    is_wall = (n >= FEWEST) & (value[:, 0] * sharpness < THIN**2) & (upright > UPRIGHT)
+    # The middle of n points errs too.
+    return np.where(is_wall, off / np.sqrt(1.0 + 1.0 / np.maximum(n, 1)), np.nan), order
