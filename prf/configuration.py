@@ -133,8 +133,11 @@ class Driven(Table):
 class PoseOptions(Table):
     """Poses that are uncertain, and sampled with the map (docs/poses.md)."""
 
-    pose_noise: tuple[float, float] | None = key(
-        None, "m, rad", "standard deviations of independent errors of the given poses", flag="METRES RADIANS"
+    pose_noise: tuple[float, float] | Literal["auto"] | None = key(
+        None,
+        "m, rad",
+        "standard deviations of independent errors of the given poses; auto: as scans disagree",
+        flag="METRES RADIANS|auto",
     )
     odometry: Literal["precise", "wheels", "poor"] | None = key(
         None, "", "the given poses are odometry of this kind: precise, wheels, poor", flag="KIND"
@@ -146,8 +149,8 @@ class PoseOptions(Table):
 
     @field_validator("pose_noise", "odometry_noise")
     @classmethod
-    def _are_positive(cls, values: tuple[float, ...] | None) -> tuple[float, ...] | None:
-        if values is not None and not all(value > 0.0 for value in values):
+    def _are_positive(cls, values: tuple[float, ...] | str | None) -> tuple[float, ...] | str | None:
+        if isinstance(values, tuple) and not all(value > 0.0 for value in values):
             raise ValueError("standard deviations must be above 0")
         return values
 
@@ -271,6 +274,7 @@ class SimulationOptions(LaserPhysics):
         return LaserPhysics(**self.model_dump(include=set(LaserPhysics.model_fields)))
 
 
+RENAMED: Mapping[str, str] = {"trajectory.file": "odometry_file"}
 PREFIXES: Mapping[str, str] = {"sonar": "sonar_", "points": "points_", "driven": "driven_"}
 """Before the keys of these tables in manifests and flags; nothing for others."""
 IN_MANIFEST = ("prior", "laser", "sonar", "points", "thinning", "readings", "driven", "trajectory", "sampler")
@@ -323,7 +327,7 @@ class Configuration(Tree):
 def flat_name(place: str) -> str:
     """Return the name of ``TABLE.KEY`` in manifests and, with dashes, of its flag."""
     table, name = place.split(".")
-    return PREFIXES.get(table, "") + name
+    return RENAMED.get(place) or PREFIXES.get(table, "") + name
 
 
 def named_sources(loaded: Loaded[Configuration]) -> dict[str, str]:

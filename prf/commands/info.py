@@ -13,7 +13,7 @@ from prf.shell.cli.settings import Loaded
 
 if TYPE_CHECKING:
     from prf.model.window import Window
-    from prf.readings import Kind
+    from prf.readings import Kind, Readings
     from prf.readings.describe import LogSummary
 
 READ = ("topic", "frame", "poses", "beam_angles", "pose_mount", "pose_gap", "pose_offset", "pose_quaternion")
@@ -49,8 +49,8 @@ def info(
 ) -> None:
     """Show what is in a log: scans, beams, extent, ranges, and what looks suspicious.
 
-    -v prints all lines and notes. Suspicious are poses that jump, clocks that do not run, ranges that are error codes,
-    lines of unknown kinds. Whether the poses agree with one another over loops is not checked: look at the map for
+    -v prints all lines and notes. Suspicious are poses that jump or by which scans disagree, clocks that do not run,
+    ranges that are error codes, lines of unknown kinds. Whether loops are closed is not checked: look at the map for
     that.
     """
     from prf.readings import describe, read_readings
@@ -66,12 +66,29 @@ def info(
     readings = read_readings(
         log, kind, topic=chosen.topic, frame=chosen.frame, poses=given_poses(chosen), beam_angles=chosen.beam_angles
     )
-    summary = describe(readings, log)
+    summary = _with_pose_error(describe(readings, log), readings)
     if json:
         storage.emit_object("prf.info/1", storage.jsonable(summary))
     else:
         for line in _lines(summary):
             console.emit(line)
+
+
+def _with_pose_error(summary: LogSummary, readings: Readings) -> LogSummary:
+    """Return the summary with how far the poses of a laser err, and with what to do about it."""
+    import dataclasses
+
+    from prf.poses.given import given_errors
+    from prf.readings.describe import Suspicion
+
+    if summary.kind == "sonar" or _is_nan(summary.max_range):
+        return summary
+    found = given_errors(readings.within(summary.max_range), Configuration().laser.noise)
+    if found is None:
+        return summary
+    advice = found.advice()
+    suspicions = (*summary.suspicions, *([Suspicion("pose-error", advice)] if advice else []))
+    return dataclasses.replace(summary, pose_error=(found.metres, found.radians), suspicions=suspicions)
 
 
 def _tell_points(file: str, json: bool) -> None:
@@ -120,6 +137,9 @@ def _rows(summary: LogSummary) -> Iterator[tuple[str, str]]:
         yield "cone", " to ".join(f"{cone:.3f}" for cone in sorted(set(summary.cones))) + " rad"
         yield "ring", _ring(summary.ring)
     yield "poses", summary.poses
+    if summary.pose_error is not None:
+        metres, radians = summary.pose_error
+        yield "pose error", f"about {100.0 * metres:.2g} cm and {radians:.2g} rad, by which scans disagree"
     yield "path", f"{summary.path_length:.1f} m long, {_extent(summary.path_extent)}"
     yield "returns", _extent(summary.returns_extent)
     yield "duration", "unknown" if _is_nan(summary.duration) else f"{summary.duration:,.1f} s"

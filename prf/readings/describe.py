@@ -62,6 +62,8 @@ class LogSummary:
     odd_lines: dict[str, int]
     remarks: tuple[str, ...]  # what the reader had to assume
     suspicions: tuple[Suspicion, ...]  # what a person should look at before mapping
+    # standard deviations of the poses of a laser, metres and radians, by which its scans disagree; None: not shown
+    pose_error: tuple[float, float] | None = None
 
 
 def describe(readings: Readings, path: str) -> LogSummary:

@@ -31,12 +31,12 @@ def beam_directions(text: str) -> FloatArray:
     return np.asarray(np.radians(first + step * np.arange(n)))
 
 
-def looks_like_matrix(data: bytes) -> bool:
-    """Return whether data are an array of numpy, or a text whose first two lines are as many numbers, not few."""
+def looks_like_matrix(data: bytes, fewest: int = FEWEST) -> bool:
+    """Return whether data are an array of numpy, or a text whose first two lines are as many numbers, not too few."""
     if data.startswith(NUMPY_MAGIC):
         return True
     rows = [_fields(line) for _, line in zip(range(2), (line for _, line in content_lines(data)), strict=False)]
-    return bool(rows) and all(len(row) >= FEWEST and len(row) == len(rows[0]) and _are_numbers(row) for row in rows)
+    return bool(rows) and all(len(row) >= fewest and len(row) == len(rows[0]) and _are_numbers(row) for row in rows)
 
 
 def size_of(data: bytes, source: str) -> tuple[int, int]:

@@ -195,7 +195,7 @@ def recognise(data: bytes, source: str, raw: bool = False, beam_angles: str | No
     `raw`: whether logs are taken that have no poses, or raw odometry. `beam_angles`: directions of ranges alone.
     """
     head = _head(data)
-    if beam_angles is not None and looks_like_matrix(data):
+    if beam_angles is not None and looks_like_matrix(data, fewest=1):
         if raw:
             return "ranges"
         raise ConfigError(f"--beam-angles {beam_angles}: ranges alone have no poses. Give them with --poses FILE.")

@@ -15,6 +15,7 @@ from prf.configuration import Configuration, ReadingOptions
 from prf.model.points import resolved as resolved_points
 from prf.model.points import window_round
 from prf.model.window import Window
+from prf.poses.given import given_errors, pose_noise
 from prf.poses.model import PoseModel, pose_model
 from prf.poses.start import find_start
 from prf.readings import (
@@ -187,9 +188,15 @@ def prepare(
     whole = None
     if config.trajectory.is_uncertain and (beams is not None or cones is not None):
         whole, weight = _started(config, beams, cones)
-        config = config.replace(beam_weight=config.laser.beam_weight or weight)
+        is_given = config.trajectory.pose_noise is not None
+        config = config.replace(
+            beam_weight=config.laser.beam_weight or weight,
+            pose_noise=whole.prior.noise.tolist() if is_given else None,
+        )
         beams, cones = whole.placed(beams, cones, whole.start)
         driven = [part for part in (beams, cones) if part is not None]
+    elif beams is not None and (found := given_errors(beams, config.laser.noise)) is not None and found.advice():
+        logger.warning(f"{beams.source}: {found.advice()}")
     sensors = [part for part in (beams, cones) if part is not None]
     window = _window(config, sensors, observed)
     n_outside = sum(int((~window.contains(part.origin, strictly=True)).sum()) for part in sensors)
@@ -303,10 +310,10 @@ def _thinned(config: Configuration, beams: Readings, window: Window) -> tuple[ND
 
 def _started(config: Configuration, beams: Readings | None, cones: Readings | None) -> tuple[PoseModel, float]:
     """Return the uncertain poses of all readings, with where they start, and what weight a beam has there."""
-    trajectory = config.trajectory
     if config.sampler.is_tempered or config.sampler.tiles:
         raise ConfigError("uncertain poses: their chains have neither tiles nor temperatures. Leave these out.")
-    found = pose_model(beams, cones, trajectory.pose_noise, trajectory.step_noise)
+    noise = pose_noise(config.trajectory.pose_noise, beams, config.laser.noise)
+    found = pose_model(beams, cones, noise, config.trajectory.step_noise)
     if beams is None:
         return (found if len(found.prior.motion) else dataclasses.replace(found, draw_start=found.prior.draw)), 1.0
     start = find_start(found, beams, config.laser.noise)

@@ -262,6 +262,9 @@ CASES = (
     (f"{SAMPLE} --steps 10 my.log", 2, "(my.log). Did you mean --laser my.log?"),
     (f"{SAMPLE} --time-budget 1d", 2, "5m, 1.5h or 1h30m"),
     (f"{SAMPLE} --scans a:b", 2, "--scans"),
+    (f"{SAMPLE} --every-scan 900 --pose-noise auto", 2, "too few scans to show how far poses err"),
+    (f"{SAMPLE} --pose-noise much", 2, 'trajectory.pose_noise = "much"'),
+    (f"{SAMPLE} --beam-angles -90:1:89", 2, "have directions of their own"),
     (f"{SAMPLE} --every-scan 1 --scans 900:901", 3, ""),
     (f"{SAMPLE} --set sampler.start=moon", 2, '--set sampler.start = "moon": must be'),
     (

@@ -79,6 +79,15 @@ def make_trajectory(path: Path) -> None:
     path.write_text("".join(f"{t} {p[0]} {p[1]} 0 0 0 {np.sin(h)} {np.cos(h)}\n" for t, p, h in ahead))
 
 
+def make_ranges(path: Path) -> None:
+    """Write the ranges of every third scan of the demo office, a row a scan, and the poses."""
+    table = read_readings(str(OFFICE))
+    ranges = np.full((int(table.scan.max()) + 1, 180), np.inf)
+    ranges[table.scan, table.beam] = table.range
+    poses = np.array([table.notes.scans.pose[table.notes.scans.number == scan][0] for scan in range(len(ranges))])
+    np.savetxt(path, ranges[::3] if path.name.startswith("ranges") else poses[::3])
+
+
 def make_player(path: Path) -> None:
     """Write a log of Player 2.x with every third scan of the demo office, localized twice."""
     lines = []
@@ -230,6 +239,7 @@ MAKERS: tuple[tuple[str, Callable[[Path], None]], ...] = (
     (r"drive\.bag", make_bag),
     (r"slam\.tum", make_trajectory),
     (r"player\.log", make_player),
+    (r"(ranges|poses)\.txt", make_ranges),
     (r"(?!data/).*\.log(\.gz)?|doors\.csv|readings\.csv", make_log),
     (r"(floor|plan|truth)\.geojson", make_plan),
     (r".*\.classified\.(ply|laz|las)", make_result),

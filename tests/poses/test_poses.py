@@ -9,6 +9,7 @@ import pytest
 import scipy.stats
 
 from prf.configuration import ODOMETRY, Configuration
+from prf.poses.given import given_errors, pose_noise
 from prf.poses.graph import Pull, Relations, errors, root_of
 from prf.poses.loops import LoopMatch, _settled
 from prf.poses.match import place_of, search
@@ -19,7 +20,7 @@ from prf.poses.start import find_start, find_trajectory
 from prf.readings import Readings
 from prf.sampler.ensemble import Ensemble
 from prf.sampler.prepare import prepare
-from prf.shell.errors import InputError
+from prf.shell.errors import ConfigError, InputError
 from tests.poses.drives import BLOCK, ROOM, odometry_of, off, readings_at, round_the_block
 
 ROUND = np.linspace(0.0, 2.0 * np.pi, 40)
@@ -101,6 +102,36 @@ def test_chains_start_in_pairs_on_opposite_sides_of_where_scans_agree():
         chains[1].poses.start(chains[1].chain).beams.ray.shape, chains[1].chain.beams.ray.shape
     )
     np.testing.assert_array_equal(chains[1].poses.state.pose, other)
+
+
+# How far given poses err.
+
+
+@pytest.mark.parametrize("noise", [(0.05, 0.01), (0.2, 0.04), (0.5, 0.1)])
+def test_scans_show_how_far_given_poses_err(noise):
+    given = TRUTH + np.random.default_rng(3).normal(size=TRUTH.shape) * [noise[0], *noise]
+    readings = readings_at(ROOM, TRUTH, given)
+    found = given_errors(readings, 0.03)
+    np.testing.assert_allclose(found, noise, rtol=0.3)
+    assert pose_noise("auto", readings, 0.03) == found
+    assert found.advice().startswith(f"poses err by about {found.words()}, as scans disagree")
+    assert f"--pose-noise {found.metres:.2g} {found.radians:.2g}" in found.advice()
+    assert ("--odometry" in found.advice()) == (noise[0] > 0.3)
+
+
+def test_right_poses_need_no_advice():
+    found = given_errors(readings_at(ROOM, TRUTH, TRUTH), 0.03)
+    assert found.metres < 0.03
+    assert found.advice() == ""
+    assert pose_noise((0.3, 0.1), None, 0.03) == (0.3, 0.1)
+    assert pose_noise(None, None, 0.03) is None
+
+
+def test_few_scans_show_no_errors():
+    few = readings_at(ROOM, TRUTH[:5], TRUTH[:5])
+    assert given_errors(few, 0.03) is None
+    with pytest.raises(ConfigError, match=r"--pose-noise auto: there are too few scans .* Give METRES RADIANS\."):
+        pose_noise("auto", few, 0.03)
 
 
 # Linear equations of relative poses.

@@ -105,7 +105,7 @@ def test_rounded_rotations_become_exact(tmp_path):
     ("text", "message"),
     [
         ("", "poses.txt: no poses. Rows may be 12"),
-        ("1 2 3\n", "poses.txt:1: 3 columns, expected a pose"),
+        ("1 2 3 4 5\n", "poses.txt:1: 5 columns, expected a pose"),
         (
             "# log\nPARAM laser 1 host 0\nFLASER 1 2 0 0 0 0 0 0 0 host 0\n",
             "poses.txt:2: 'PARAM' is not a finite number",
@@ -126,6 +126,48 @@ def test_rounded_rotations_become_exact(tmp_path):
 def test_what_is_no_pose_is_refused_with_its_line(text, message, tmp_path):
     with pytest.raises(InputError, match=message):
         read_pose_file(written(tmp_path, text))
+
+
+# Headings without a unit, and arrays of numpy.
+
+
+def driven(n: int = 60, turns: float = 3.0, ahead: float = 1.0) -> np.ndarray:
+    """Poses of a robot that drives along a spiral, ahead or backwards, its heading counted over turns."""
+    heading = np.linspace(-1.0, 2.0 * np.pi * turns, n)
+    steps = ahead * 0.3 * np.column_stack([np.cos(heading), np.sin(heading)])
+    return np.column_stack([np.cumsum(steps, axis=0), heading])
+
+
+@pytest.mark.parametrize("ahead", [1.0, -1.0])
+@pytest.mark.parametrize("is_wrapped", [False, True])
+def test_headings_are_in_the_unit_that_the_way_follows(ahead, is_wrapped, tmp_path):
+    way = driven(ahead=ahead)
+    shown = np.angle(np.exp(1j * way[:, 2])) if is_wrapped else way[:, 2]
+    radians, degrees = (np.column_stack([way[:, :2], heading]) for heading in (shown, np.degrees(shown)))
+    plain, turned = (read_pose_file(written(tmp_path, rows(values))) for values in (radians, degrees))
+    np.testing.assert_allclose(turned.poses, plain.poses, atol=1e-9)
+    np.testing.assert_allclose(plain.poses[:, :2, 0], np.column_stack([np.cos(shown), np.sin(shown)]), atol=1e-9)
+    assert (plain.layout, plain.times) == ("x y theta", None)
+    assert turned.layout == "x y theta, headings in degrees, which the way follows"
+
+
+def test_headings_that_the_way_says_nothing_of_are_refused_beyond_two_turns(tmp_path):
+    still = driven()
+    still[:, :2] = 0.0
+    with pytest.raises(InputError, match=r"poses.txt:\d+: an angle is .* yaw_deg"):
+        read_pose_file(written(tmp_path, rows(still)))
+    assert read_pose_file(written(tmp_path, rows(still[:20]))).layout == "x y theta"
+
+
+@pytest.mark.parametrize("is_across", [False, True])
+def test_arrays_of_numpy(is_across, tmp_path):
+    way = driven(20, 0.5)
+    np.save(tmp_path / "way.npy", way.T if is_across else way)
+    table = read_pose_file(str(tmp_path / "way.npy"))
+    np.testing.assert_allclose(table.poses[:, :2, 3], way[:, :2])
+    np.save(tmp_path / "way.npy", way[0])
+    with pytest.raises(InputError, match=r"way\.npy: not an array of numbers, a row a scan"):
+        read_pose_file(str(tmp_path / "way.npy"))
 
 
 def test_a_mount_that_never_changes_holds_at_all_times() -> None:

@@ -14,6 +14,7 @@ from prf.kernels.readings.sonar_features import POSE_X, POSE_Y
 from prf.model.ranges import make_poses, unit_vectors, window_exit
 from prf.model.sensors import LaserModel, SonarModel
 from prf.model.window import Window
+from prf.poses.given import pose_noise
 from prf.poses.model import LocalReadings, pose_model
 from prf.readings import Readings, thin
 from prf.readings.describe import default_max_range
@@ -118,7 +119,8 @@ def hold_out(readings: Readings, config: Configuration) -> HeldOut:
     if not returned.any():
         raise InputError(f"{readings.source}: no beam has a return below {max_range:g} m. There is nothing to score.")
     direction = unit_vectors(kept.angle)
-    poses = _uncertain_poses(kept.select(returned), config.trajectory.pose_noise)
+    beams = kept.select(returned)
+    poses = _uncertain_poses(beams, pose_noise(config.trajectory.pose_noise, beams, model.noise))
     n_no_return = int(np.count_nonzero(~returned))
     return HeldOut(kept.origin[returned], direction[returned], kept.range[returned], model, n_no_return, poses)
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Annotated, Any
 
 import typer
-from typer.core import TyperGroup
+from typer.core import TyperCommand, TyperGroup
 
 from prf.shell.cli import console
 from prf.shell.cli.console import ColorChoice
@@ -53,6 +53,19 @@ class LazyGroup(TyperGroup):
                 formatter.write_dl(list(self.verbs.items()))
 
 
+class Verb(TyperCommand):
+    """A verb, some of whose flags take a word in place of several numbers."""
+
+    words: Mapping[str, str]  # these flags, and ``TABLE.KEY`` of the settings that each sets
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Parse arguments, ``--flag word`` as the assignment that it stands for."""
+        for at, arg in enumerate(args[:-1]):
+            if arg in self.words and args[at + 1].isalpha():
+                args[at : at + 2] = ["--set", f"{self.words[arg]}={args[at + 1]}"]
+        return super().parse_args(ctx, args)
+
+
 def make_app(name: str, version: str, help_text: str, package: str, verbs: Mapping[str, str]) -> LazyGroup:
     """Return the command of a tool (see :class:`LazyGroup` for the parameters)."""
     context = {**_CONTEXT, "auto_envvar_prefix": name.upper()}
@@ -73,8 +86,10 @@ def make_command(function: Callable[..., None], examples: Sequence[str]) -> Any:
     """Return the command of one verb: the options of `function`, the flags of every verb, examples and exit codes."""
     lines = _verbatim("\n".join(["Examples:", *(f"  {line}" for line in examples)]))
     app = typer.Typer(add_completion=False, rich_markup_mode=None)
-    app.command(epilog=f"{lines}\n\n{_verbatim(EXIT_CODES)}", context_settings=_CONTEXT)(function)
+    app.command(cls=Verb, epilog=f"{lines}\n\n{_verbatim(EXIT_CODES)}", context_settings=_CONTEXT)(function)
     command = typer.main.get_command(app)
+    assert isinstance(command, Verb)
+    command.words = getattr(function, "words", {})
     _add_common_flags(command)
     return command
 

@@ -28,7 +28,7 @@ from collections.abc import Callable, Mapping, Sequence
 from enum import StrEnum
 from operator import mul
 from types import NoneType, UnionType
-from typing import Annotated, Any, Union, get_args, get_origin
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 import typer
 from typer.models import OptionInfo
@@ -139,6 +139,7 @@ def with_settings(
 
         run.__signature__ = own.replace(parameters=parameters)  # type: ignore[attr-defined]
         run.__annotations__ = {}
+        run.words = {tree.flag(place): place for place in flagged if _takes_words(tree, place)}  # type: ignore[attr-defined]
         return run
 
     return decorated
@@ -160,6 +161,13 @@ def _refuse_shared_stream(parameters: Sequence[inspect.Parameter], given: Mappin
 def _written(option: Any) -> str:
     """Return how a command line has an option or an argument: typer keeps an option's flag as its default."""
     return str(option.default if isinstance(option, OptionInfo) else option.metavar)
+
+
+def _takes_words(tree: type[Tree], place: str) -> bool:
+    """Return whether a key takes a word in place of several numbers."""
+    table, name = place.split(".")
+    annotation = tree.tables()[table].model_fields[name].annotation
+    return get_origin(_type(annotation)) is tuple and any(get_origin(each) is Literal for each in get_args(annotation))
 
 
 def _metavar(tree: type[Tree], place: str) -> str:
@@ -188,7 +196,7 @@ def _option(tree: type[Tree], place: str, defaults: Mapping[str, Any], shown: st
 def _type(annotation: Any) -> Any:
     """Return the type of a flag's value: numbers, pairs of numbers and switches as they are, all else as text."""
     if get_origin(annotation) in (Union, UnionType):
-        kinds = [each for each in get_args(annotation) if each is not NoneType]
+        kinds = [each for each in get_args(annotation) if each is not NoneType and get_origin(each) is not Literal]
         return _type(kinds[0]) if len(kinds) == 1 else str
     if get_origin(annotation) is tuple and Ellipsis not in get_args(annotation):
         return annotation

@@ -1,0 +1,97 @@
+"""How far given poses err, as scans show that disagree with one another there."""
+
+from __future__ import annotations
+
+import logging
+import math
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from prf.poses.align import align
+from prf.poses.model import pose_model
+from prf.poses.plane import wrapped
+from prf.poses.scans import scans_of
+from prf.poses.start import FAR, pull_of
+from prf.readings import Readings
+from prf.shell.errors import ConfigError
+
+MOST_SCANS = 250  # of a log that are compared, evenly
+FEWEST_SCANS = 8
+FIRST = (0.1, 0.03)  # m, rad: errors that are looked for at first; ...
+MOST_ROUNDS = 4  # ... larger ones pull the poses back to where they are given, until that is seen
+ROOM = 0.8  # share of what is looked for up to which errors are not held back
+MEDIAN_2D, MEDIAN = math.sqrt(2.0 * math.log(2.0)), 0.6744897501960817
+"""Median of the length of a normal vector in the plane, and of a normal number's size, in standard deviations."""
+ADVISED = (0.04, 0.015)
+"""Metres and radians from which on a map is better with poses that are sampled too (benchmarks/README.md)."""
+LEAST = (0.01, 0.002)
+"""Metres and radians that poses are taken to err by at least, where it is not given."""
+FAR_OFF = 0.3
+"""Metres from which on poses may as well be raw odometry."""
+
+
+logger = logging.getLogger(__name__)
+
+
+class PoseErrors(NamedTuple):
+    """Standard deviations of given poses."""
+
+    metres: float
+    radians: float
+
+    def words(self) -> str:
+        """Return them for a person."""
+        length = f"{100.0 * self.metres:.2g} cm" if self.metres < 0.995 else f"{self.metres:.2g} m"
+        return f"{length} and {math.degrees(self.radians):.2g} degrees"
+
+    def advice(self) -> str:
+        """Return what to do about them; empty where they do little harm."""
+        if self.metres < ADVISED[0] and self.radians < ADVISED[1]:
+            return ""
+        flag = f"--pose-noise {self.metres:.2g} {self.radians:.2g}"
+        otherwise = ", or if they are raw odometry --odometry wheels" if self.metres > FAR_OFF else ""
+        return (
+            f"poses err by about {self.words()}, as scans disagree with one another: "
+            f"sample them with the map, prf sample {flag}{otherwise}"
+        )
+
+
+def given_errors(laser: Readings, noise: float) -> PoseErrors | None:
+    """Return how far the given poses of a laser's scans err independently; None where the scans do not show it.
+
+    The scans are aligned with one another (:func:`prf.poses.align.align`), held to the given poses by as much as these
+    seem to err; what all have in common, and what changes slowly along the way, stays unseen in part. `noise`: standard
+    deviation of a range, metres.
+    """
+    scans = np.unique(laser.scan)
+    if len(scans) < FEWEST_SCANS:
+        return None
+    chosen = laser.select(np.isin(laser.scan, scans[:: 1 + len(scans) // MOST_SCANS]))
+    held, found = np.array(FIRST), np.zeros(2)
+    for _ in range(MOST_ROUNDS):
+        model = pose_model(chosen, None, held.tolist())
+        points, given = scans_of(model, chosen, noise), model.prior.given
+        if not len(points.owner):
+            return None
+        error = float(held[0] + FAR * held[1])
+        off = align(points, given, pull_of(model.prior), error, np.random.default_rng(0)) - given
+        shift, turn = np.hypot(off[:, 0], off[:, 1]), np.abs(wrapped(off[:, 2]))
+        found = np.array([np.median(shift) / MEDIAN_2D, np.median(turn) / MEDIAN])
+        if (found <= ROOM * held).all():
+            break
+        held = np.maximum(held, found / ROOM)
+    return PoseErrors(float(found[0]), float(found[1]))
+
+
+def pose_noise(
+    asked: tuple[float, float] | Literal["auto"] | None, laser: Readings | None, noise: float
+) -> tuple[float, float] | None:
+    """Return the errors of given poses that were asked for, or that the scans of a laser show."""
+    if asked != "auto":
+        return asked
+    found = None if laser is None else given_errors(laser, noise)
+    if found is None:
+        raise ConfigError("--pose-noise auto: there are too few scans to show how far poses err. Give METRES RADIANS.")
+    logger.info(f"poses err by about {found.words()}, as scans disagree with one another")
+    return max(found.metres, LEAST[0]), max(found.radians, LEAST[1])
