@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.sparse import block_diag, coo_matrix, csc_matrix, csr_matrix
 from scipy.sparse.linalg import LinearOperator, cg, splu
 
-from prf.poses.graph import Pull
+from prf.poses.graph import Disturbance, Pull
 from prf.poses.plane import Floats, compose
 from prf.poses.scans import WallPoints
 
@@ -29,7 +29,6 @@ BLUR = (
     0.3  # of that distance: how far points are off besides the noise, so that wrong lines pull less than what is given
 )
 SLOPE = 1.0 / 0.15**2  # one over the variance of the mean normal of a line, 1/rad2
-CLOSE = np.array([0.03, 0.03, 0.01])  # m, m, rad: root mean square of what a draw changes, at most
 STEP = np.array([0.3, 0.3, 0.1])  # m, m, rad: largest change of a pose in a round
 
 
@@ -62,14 +61,23 @@ def align(scans: WallPoints, poses: Floats, pull: Pull, error: float, rng: np.ra
     return np.asarray(np.mean(settled[-SETTLING:], axis=0))
 
 
-def dispersed(scans: WallPoints, poses: Floats, pull: Pull, rng: np.random.Generator) -> Floats:
-    """Return a draw (n, 3) from the normal approximation round aligned poses, closer where few points fix them."""
-    lines = common_lines(scans, poses, SMALLEST, NARROW, rng)
-    push = rng.standard_normal(len(lines.weight)) / np.sqrt(lines.weight)
-    pushed = lines._replace(distance=lines.distance + push)
-    change = _solve(pushed, poses, pull, rng)
-    size = np.sqrt(np.mean(np.square(change), axis=0))
-    return compose(poses, change * np.min(CLOSE / np.maximum(size, CLOSE)))
+def disturbed(scans: WallPoints, poses: Floats, pull: Pull, rng: np.random.Generator, sign: float = 1.0) -> Floats:
+    """Return about a draw (n, 3) of the posterior: poses at which the scans agree if all errs once more as it may.
+
+    Points, given poses and steps are disturbed by errors of their densities and the scans aligned again, from `poses`
+    (randomize then optimize, Bardsley et al. 2014). `sign`: -1 gives the draw of the opposite errors.
+    """
+    upright = np.abs(np.einsum("ij,ij->i", scans.normal, scans.point)) / np.linalg.norm(scans.point, axis=1)
+    push = sign * rng.standard_normal(len(scans.owner)) * upright / np.sqrt(scans.weight)
+    n, k = len(poses), len(pull.relations.tail)
+    disturbance = Disturbance(sign * rng.standard_normal((n, 3)), sign * rng.standard_normal((k, 3)))
+    layout, settled = np.random.default_rng(0), []
+    for _ in range(SETTLING):
+        lines = common_lines(scans, poses, SMALLEST, NARROW, layout)
+        pushed = lines._replace(distance=lines.distance + push)
+        poses = compose(poses, np.clip(_solve(pushed, poses, pull, disturbance), -STEP, STEP))
+        settled.append(poses)
+    return np.asarray(np.mean(settled[SETTLING // 2 :], axis=0))
 
 
 def common_lines(scans: WallPoints, poses: Floats, side: float, tolerance: float, rng: np.random.Generator) -> Lines:
@@ -116,10 +124,10 @@ def _mean(line: Ints, values: Floats, weight: Floats, n: int) -> Floats:
     return np.column_stack([np.bincount(line, weight * each, n) / total for each in values.T])
 
 
-def _solve(lines: Lines, poses: Floats, pull: Pull, rng: np.random.Generator | None = None) -> Floats:
-    """Return the changes (n, 3) that bring points to their lines; with `rng` what holds the poses is disturbed."""
+def _solve(lines: Lines, poses: Floats, pull: Pull, disturbance: Disturbance | None = None) -> Floats:
+    """Return the changes (n, 3) that bring points to their lines; `disturbance`: of what holds the poses."""
     n = len(poses)
-    held, right = pull.equations(poses, rng)
+    held, right = pull.equations(poses, disturbance)
     weighed = lines.weight[:, None] * lines.lever
     blocks = np.stack(
         [np.bincount(lines.owner, weighed[:, i] * lines.lever[:, j], n) for i in range(3) for j in range(3)]

@@ -15,6 +15,7 @@ THIN = 3.0  # standard deviations that they lie off their line at most, or it is
 LAGS = 24  # beams up to which errors of one wall are compared
 OFF_WALL = 4.0  # standard deviations from it beyond which a point says nothing of noise
 UPRIGHT = 0.6  # cosine of the angle to the normal above which a distance from a wall says what a range errs by
+RIDGE = 1e-6  # added to normal equations, so that they have a solution
 FEWEST_PAIRS = 100  # of points that a correlation is of, at least
 
 
@@ -65,4 +66,17 @@ def _errors(scans: WallPoints, poses: Floats) -> tuple[Floats, np.ndarray]:
     off = np.einsum("mi,mi->m", normal, world[order] - middle) / np.maximum(upright, UPRIGHT) * np.sqrt(sharpness)
     is_wall = (n >= FEWEST) & (value[:, 0] * sharpness < THIN**2) & (upright > UPRIGHT)
     # The middle of n points errs too.
-    return np.where(is_wall, off / np.sqrt(1.0 + 1.0 / np.maximum(n, 1)), np.nan), order
+    off = np.where(is_wall, off / np.sqrt(1.0 + 1.0 / np.maximum(n, 1)), np.nan)
+    lever = np.column_stack([normal, seen[:, 0] * normal[:, 1] - seen[:, 1] * normal[:, 0]])
+    scale = np.sqrt(sharpness) / np.maximum(upright, UPRIGHT)
+    return _without_pose(off, scale[:, None] * lever, scans.owner[order]), order
+
+
+def _without_pose(error: Floats, lever: Floats, owner: np.ndarray) -> Floats:
+    """Return errors (m,) less what small changes of the poses of their scans, by levers (m, 3), would do away with."""
+    known, n = np.isfinite(error), int(owner.max(initial=-1)) + 1
+    value, by, of = np.where(known, error, 0.0), np.where(known[:, None], lever, 0.0), np.zeros((n, 3, 3))
+    np.add.at(of, owner, by[:, :, None] * by[:, None, :])
+    right = np.column_stack([np.bincount(owner, column * value, n) for column in by.T])
+    change = np.linalg.solve(of + RIDGE * np.eye(3), right[:, :, None])[:, :, 0]
+    return np.asarray(error - np.einsum("mi,mi->m", lever, change[owner]))

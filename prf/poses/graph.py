@@ -54,6 +54,13 @@ def derivatives(relations: Relations, poses: Floats) -> tuple[Floats, Floats]:
     return relations.root @ by_tail, relations.root @ by_head
 
 
+class Disturbance(NamedTuple):
+    """Errors in standard deviations of what holds poses."""
+
+    given: Floats  # (n, 3)
+    relations: Floats  # (k, 3)
+
+
 class Pull(NamedTuple):
     """What holds poses besides scans: given poses, and relations between poses."""
 
@@ -62,19 +69,19 @@ class Pull(NamedTuple):
     relations: Relations
 
     def equations(
-        self, poses: Floats, rng: np.random.Generator | None = None, weight: Floats | None = None
+        self, poses: Floats, disturbance: Disturbance | None = None, weight: Floats | None = None
     ) -> tuple[csc_matrix, Floats]:
         """Return the normal matrix (3 n, 3 n) of the errors, and the right hand side (3 n,).
 
-        `weight` (k,): of the relations. With `rng` each error is disturbed by one standard deviation, so that what
-        solves the equations is a draw from the density.
+        `weight` (k,): of the relations. `disturbance`: added to the errors, so that what solves the equations is a draw
+        from the density if it is standard normal.
         """
         n, relations = len(poses), self.relations
         off = self.sharpness * seen_from(poses, self.given)
         error = errors(relations, poses)
-        if rng is not None:
-            off += rng.standard_normal(off.shape)
-            error += rng.standard_normal(error.shape)
+        if disturbance is not None:
+            off += disturbance.given
+            error += disturbance.relations
         weight = np.ones(len(error)) if weight is None else weight
         right = self.sharpness * off
         sides, parts, axis = (relations.tail, relations.head), derivatives(relations, poses), np.arange(3)

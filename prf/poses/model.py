@@ -54,11 +54,11 @@ class PosePrior(NamedTuple):
             total -= 0.5 * float(((error / self.spread) ** 2).sum())
         return total
 
-    def draw(self, rng: np.random.Generator) -> Floats:
-        """Return poses (n, 3) of the prior of odometry alone, or of independent errors alone."""
+    def draw(self, rng: np.random.Generator, sign: float = 1.0) -> Floats:
+        """Return poses (n, 3) of the prior of odometry alone, or of independent errors alone; -1: the opposite ones."""
         if not len(self.motion):
-            return self.given + rng.standard_normal(self.given.shape) * self.noise[[0, 0, 1]]
-        steps = self.motion + self.spread * rng.standard_normal(self.motion.shape)
+            return self.given + sign * rng.standard_normal(self.given.shape) * self.noise[[0, 0, 1]]
+        steps = self.motion + sign * self.spread * rng.standard_normal(self.motion.shape)
         poses = [self.given[0]]
         for step in steps:
             poses.append(compose(poses[-1], step))
@@ -88,8 +88,8 @@ class PoseModel:
     start: Floats  # (n, 3) where scans agree
     laser: LocalReadings | None = None
     sonar: LocalReadings | None = None
-    # Draws (n, 3) of where chains start, round `start`; None: there
-    draw_start: Callable[[np.random.Generator], Floats] | None = None
+    # Draws (n, 3) of where chains start, round `start`, or with -1 the opposite ones; None: there
+    draw_start: Callable[[np.random.Generator, float], Floats] | None = None
     driven: Floats | None = None  # (n, 3) poses whose steps the odometry measured
     way: Floats | None = None  # (n, 2) metres driven and radians turned up to each state, along the whole log
     odometry: Sequence[float] | None = None  # its four numbers (:data:`prf.configuration.ODOMETRY`)
@@ -106,8 +106,8 @@ class PoseModel:
         prior = PosePrior(self.prior.given[kept], self.prior.noise, *_steps(driven, self.odometry, way))
         start, draw = self.start[kept], self.draw_start
 
-        def drawn(rng: np.random.Generator) -> Floats:
-            found: Floats = start.copy() if draw is None else draw(rng)[kept]
+        def drawn(rng: np.random.Generator, sign: float) -> Floats:
+            found: Floats = start.copy() if draw is None else draw(rng, sign)[kept]
             if prior.is_held:
                 found[0] = start[0]
             return found

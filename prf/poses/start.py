@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from prf.poses.align import align, dispersed
+from prf.poses.align import align, disturbed
 from prf.poses.errors import independence
 from prf.poses.follow import follow
 from prf.poses.graph import Pull, Relations, root_of
@@ -37,11 +37,11 @@ class Start(NamedTuple):
     loops: list[LoopMatch]  # of odometry: plausible closures, used or not
     independence: float = 1.0  # independent readings that a beam counts as
 
-    def draw(self, rng: np.random.Generator) -> Floats:
-        """Return poses (n, 3) from the normal approximation of their posterior, so that chains start apart."""
+    def draw(self, rng: np.random.Generator, sign: float = 1.0) -> Floats:
+        """Return poses (n, 3), about a draw of their posterior, so that chains start apart; -1: the opposite one."""
         if not len(self.scans.owner):
             return self.poses.copy()
-        found = dispersed(self.scans, self.poses, self.pull, rng)
+        found = disturbed(self.scans, self.poses, self.pull, rng, sign)
         is_held = self.pull.sharpness[0] >= HELD
         found[0, is_held] = self.poses[0, is_held]
         return found
@@ -86,7 +86,8 @@ def find_start(model: PoseModel, laser: Readings, noise: float) -> Start:
     whole = scans
     scans = scans.select(np.arange(len(scans.owner)) % (1 + len(scans.owner) // MOST_POINTS) == 0)
     poses = align(scans, poses, pull, error, np.random.default_rng(0))
-    return Start(poses, scans, pull, loops, independence(whole, poses))
+    share = independence(whole, poses)
+    return Start(poses, scans._replace(weight=share * scans.weight), pull, loops, share)
 
 
 def pull_of(prior: PosePrior) -> Pull:

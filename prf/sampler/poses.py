@@ -138,18 +138,17 @@ class PoseTurns(Plain):
 
 
 def start_apart(turns: Sequence[PoseTurns], generators: Sequence[np.random.Generator]) -> None:
-    """Have the chains of a target start at draws of their poses, in pairs on opposite sides of where scans agree best.
+    """Have the chains of a target start at draws of their poses, about, in pairs that are disturbed in opposite ways.
 
-    They start apart, and the mean of all is that best place: a chain leaves its start but slowly.
+    They start apart as the posterior is wide, and the mean of all is about where scans agree best: a chain leaves its
+    start but slowly.
     """
+    seed = 0
     for k, (each, rng) in enumerate(zip(turns, generators, strict=False)):
         model = each.target.poses
-        assert model is not None
-        if k % 2 == 1:
-            off = turns[k - 1].first - model.start
-            each.first = model.start - np.column_stack([off[:, :2], wrapped(off[:, 2])])
-        elif model.draw_start is not None:
-            each.first = model.draw_start(rng)
+        if model is not None and model.draw_start is not None:
+            seed = int(rng.integers(2**62)) if k % 2 == 0 else seed
+            each.first = model.draw_start(np.random.default_rng(seed), 1.0 if k % 2 == 0 else -1.0)
 
 
 def make_poses(target: Target, model: PoseModel, chain: Chain) -> Poses:
