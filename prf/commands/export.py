@@ -1,4 +1,4 @@
-"""Write a map for other programs: GeoJSON, ROS map_server, SVG, DXF, netCDF; or its trajectory: TUM."""
+"""Write a map for other programs: GeoJSON, ROS map_server, SVG, DXF, netCDF; or its trajectory: TUM, g2o."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ EXAMPLES = (
 )
 
 
-Format = Literal["geojson", "ros-map", "svg", "dxf", "netcdf", "tum"]
+Format = Literal["geojson", "ros-map", "svg", "dxf", "netcdf", "tum", "g2o"]
 """What to write."""
 
 
@@ -66,10 +66,11 @@ def export(
     json: Json = False,
     force: Force = False,
 ) -> None:
-    """Write a map for other programs: GeoJSON, ROS map_server, SVG, DXF, netCDF; or its trajectory: TUM.
+    """Write a map for other programs: GeoJSON, ROS map_server, SVG, DXF, netCDF; or its trajectory: TUM, g2o.
 
     geojson, svg and dxf take the polygons of the best map, ros-map the posterior probability of each cell, netcdf the
-    values that were watched in every draw, for ArviZ, tum the means of poses that were sampled. What no reading saw is
+    values that were watched in every draw, for ArviZ, tum the means of poses that were sampled, g2o
+    the steps between them too, with their information. What no reading saw is
     unknown in a ros-map, and polygons end half a metre beyond what was seen. ros-map writes two files, a yaml file and
     the image it names; it is the one format for a GRID. dxf and netcdf need libraries: pip install '.[dxf,netcdf]'.
     """

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from functools import cached_property
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,40 @@ APART, LEAST_APART = 2.0, 0.03
 """Chains disagree on a place if their means lie so many times as far apart as the draws of each, and so many metres."""
 FEW = 0.05
 """Share of the poses on which they may."""
+
+
+class Spread(NamedTuple):
+    """Covariances (n, 3, 3) within chains, and of the means of chains."""
+
+    within: Floats
+    between: Floats
+    n_chains: int
+
+    @classmethod
+    def of(cls, error: Floats, chain: NDArray[np.int32]) -> Self:
+        """Return those of errors (n_draws, n, 3) of draws of these chains (n_draws,)."""
+        parts = [error[chain == each] for each in np.unique(chain)]
+        means = np.array([part.mean(axis=0, dtype=np.float64) for part in parts])
+        within = sum(
+            np.einsum("dni,dnj->nij", part - mean, part - mean) for part, mean in zip(parts, means, strict=True)
+        )
+        off = means - means.mean(axis=0)
+        between = np.einsum("cni,cnj->nij", off, off) / max(len(parts) - 1, 1)
+        return cls(np.asarray(within) / len(error), between, len(parts))
+
+    def covariance(self) -> Floats:
+        """Return covariances (n, 3, 3) that allow for how few chains there are.
+
+        Of m chains with means of covariance B, each W within, it is W + (1 + 1/m) B, widened as Student's distribution
+        is at the degrees of freedom of Satterthwaite, so that 1.96 standard deviations hold 95 %.
+        """
+        if self.n_chains == 1:
+            return self.within
+        total = self.within + (1.0 + 1.0 / self.n_chains) * self.between
+        inside, all_in_all = (np.diagonal(each, axis1=1, axis2=2) for each in (self.within, total))
+        share = 1.0 - np.mean(inside / np.maximum(all_in_all, 1e-300), axis=1)
+        degrees = (self.n_chains - 1) / np.maximum(share, 1e-3) ** 2
+        return np.asarray(total * np.square(stdtrit(degrees, 0.975) / NORMAL_975)[:, None, None])
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -69,38 +104,38 @@ class Trajectory:
         return mean
 
     @cached_property
-    def _spread(self) -> tuple[Floats, Floats, int]:
-        """Covariances (n, 3, 3) within chains and of the means of chains, headings as turns, and how many chains."""
+    def _error(self) -> Floats:
+        """Poses of each draw (n_draws, n, 3) less their means, headings as turns."""
         error = self.draws - self.correction
         error[:, :, 2] = wrapped(error[:, :, 2])
-        chain = np.zeros(len(error), np.int32) if self.chain is None else self.chain
-        parts = [error[chain == each] for each in np.unique(chain)]
-        means = np.array([part.mean(axis=0, dtype=np.float64) for part in parts])
-        within = sum(
-            np.einsum("dni,dnj->nij", part - mean, part - mean) for part, mean in zip(parts, means, strict=True)
-        )
-        off = means - means.mean(axis=0)
-        between = np.einsum("cni,cnj->nij", off, off) / max(len(parts) - 1, 1)
-        return np.asarray(within) / len(error), between, len(parts)
+        return error
+
+    @property
+    def _chains(self) -> NDArray[np.int32]:
+        return np.zeros(len(self.draws), np.int32) if self.chain is None else self.chain
 
     @cached_property
     def covariance(self) -> Floats:
         """Covariance of each pose (n, 3, 3) round its mean, headings as turns from it; nan without draws.
 
-        It is the posterior's where chains agree. Else it allows for how few they are: of m chains with means of
-        covariance B, each W within, it is W + (1 + 1/m) B, widened as Student's distribution is at the degrees of
-        freedom of Satterthwaite, so that 1.96 standard deviations hold 95 %.
+        It is the posterior's where chains agree, and allows for how few they are where not (:class:`Spread`).
         """
         if not len(self.draws):
             return np.full((len(self.given), 3, 3), np.nan)
-        within, between, n_chains = self._spread
-        if n_chains == 1:
-            return within
-        total = within + (1.0 + 1.0 / n_chains) * between
-        variances = (np.diagonal(each, axis1=1, axis2=2) for each in (within, total))
-        share = 1.0 - np.mean([w / np.maximum(t, 1e-300) for w, t in zip(*variances, strict=True)], axis=1)
-        degrees = (n_chains - 1) / np.maximum(share, 1e-3) ** 2
-        return np.asarray(total * np.square(stdtrit(degrees, 0.975) / NORMAL_975)[:, None, None])
+        return Spread.of(self._error, self._chains).covariance()
+
+    def steps(self) -> tuple[Floats, Floats]:
+        """Return the means (n - 1, 3) of each pose in the frame of the one before, and their covariances (n - 1, 3, 3).
+
+        Metres and radians; covariances as of :attr:`covariance`.
+        """
+        poses = self.given + self.draws.astype(np.float64)
+        steps = seen_from(poses[:, :-1], poses[:, 1:])
+        middle = seen_from(self.mean[:-1], self.mean[1:])
+        error = steps - middle
+        error[:, :, 2] = wrapped(error[:, :, 2])
+        mean = middle + error.mean(axis=0)
+        return mean, Spread.of(error - error.mean(axis=0), self._chains).covariance()
 
     @property
     def sd(self) -> Floats:
@@ -111,7 +146,7 @@ class Trajectory:
         """Return in words where the chains do not agree on the poses; empty where they do."""
         if not len(self.draws):
             return ""
-        within, between, _ = self._spread
+        within, between, _ = Spread.of(self._error, self._chains)
         inside, apart = (np.sqrt(each[:, 0, 0] + each[:, 1, 1]) for each in (within, between))
         differs = apart > np.maximum(APART * inside, LEAST_APART)
         if differs.mean() <= FEW:

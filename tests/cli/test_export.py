@@ -125,6 +125,18 @@ def test_sampled_poses_are_a_trajectory_for_evo(folder: Path, here: Path, capsys
     write_run(here / "moved", dataclasses.replace(run, trajectory=dataclasses.replace(found, time=np.full(5, np.nan))))
     assert prf("export", "moved", "-o", "way.tum", "-f") == 0
     assert read_pose_file("way.tum").times.tolist() == found.scan.tolist()
+    assert prf("export", "moved", "--format", "g2o") == 0
+    read = read_pose_file("moved.g2o")
+    np.testing.assert_allclose(read.poses[:, :2, 3], found.mean[:, :2])
+    lines = [line.split() for line in Path("moved.g2o").read_text().splitlines()]
+    edges = np.array([line[1:] for line in lines if line[0] == "EDGE_SE2"], float)
+    read_back = read_run(Path("moved")).trajectory
+    assert read_back is not None
+    mean, covariance = read_back.steps()
+    np.testing.assert_array_equal(edges[:, :2], np.column_stack([np.arange(4), np.arange(1, 5)]))
+    np.testing.assert_allclose(edges[:, 2:5], mean)
+    np.testing.assert_allclose(edges[:, 5], np.linalg.inv(covariance)[:, 0, 0], rtol=1e-3)
+    assert prf("export", "moved", "--format", "g2o", "--draw", 0, "-f") == 2
     assert prf("export", "moved", "--format", "tum", "--draw", 8, "-f") == 2
     assert prf("export", "moved", "--format", "tum", "--extrapolate", 1, "-f") == 2
 

@@ -323,6 +323,17 @@ def test_deviations_allow_for_few_chains(drawn: Trajectory) -> None:
     np.testing.assert_allclose(found[:, 1:] / drawn.sd[:, 1:], found[0, 1] / drawn.sd[0, 1], rtol=0.01)
 
 
+def test_steps_are_between_poses_of_one_draw(drawn: Trajectory) -> None:
+    """Errors that all poses share leave no trace in the steps between them."""
+    shared = np.random.default_rng(1).normal(size=(len(drawn.draws), 1, 3)) * [0.5, 0.5, 0.0]
+    together = dataclasses.replace(drawn, draws=(drawn.draws + shared).astype(np.float32))
+    (mean, covariance), (moved, same) = drawn.steps(), together.steps()
+    np.testing.assert_allclose(mean, seen_from(drawn.mean[:-1], drawn.mean[1:]), atol=2e-3)
+    np.testing.assert_allclose(moved, mean, atol=1e-5)
+    np.testing.assert_allclose(same, covariance, atol=1e-6)
+    assert (together.sd[:, 0] > 0.4).all()
+
+
 def student(degrees: int) -> float:
     return float(scipy.stats.t.ppf(0.975, degrees) / scipy.stats.norm.ppf(0.975))
 

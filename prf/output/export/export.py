@@ -15,13 +15,13 @@ from prf.model.coloring import oriented_polygons
 from prf.output.export.cells import cells_of, cut_to_known, returned, ros_map
 from prf.output.export.drawings import dxf_text, paper_ratio, svg_text
 from prf.output.export.netcdf import netcdf_bytes
-from prf.output.export.source import Source, read_source, require_existing, stem_of, trajectory_of, tum_text
+from prf.output.export.source import Source, g2o_text, read_source, require_existing, stem_of, trajectory_of, tum_text
 from prf.results import map_text
 from prf.shell.cli.files import STREAM, encoded, open_output, together
 from prf.shell.cli.outputs import exclusive, refuse_existing, refuse_inputs
 from prf.shell.errors import InputError, UsageError
 
-GEOJSON, ROS_MAP, SVG, DXF, NETCDF, TUM = FORMATS = ("geojson", "ros-map", "svg", "dxf", "netcdf", "tum")
+GEOJSON, ROS_MAP, SVG, DXF, NETCDF, TUM, G2O = FORMATS = ("geojson", "ros-map", "svg", "dxf", "netcdf", "tum", "g2o")
 SUFFIXES = {
     GEOJSON: (".geojson", ".json"),
     ROS_MAP: (".yaml", ".yml", ".pgm"),
@@ -29,6 +29,7 @@ SUFFIXES = {
     DXF: (".dxf",),
     NETCDF: (".nc", ".netcdf"),
     TUM: (".tum",),
+    G2O: (".g2o",),
 }
 """Suffixes of an output that name its format; the first one is that of an output without a name."""
 AGREED = 0.99
@@ -113,12 +114,12 @@ def check_options(name: str, options: Options) -> None:
             raise UsageError(f"{flag} is for --format {ROS_MAP} only, not {name}.")
     if options.returns and (options.squares or options.draw is not None):
         raise UsageError("--returns is of all draws and of whole cells: leave --squares and --draw out.")
-    if options.extrapolate is not None and name in (NETCDF, TUM):
+    if options.extrapolate is not None and name in (NETCDF, TUM, G2O):
         raise UsageError(f"--extrapolate is for maps, not for --format {name}.")
     if options.extrapolate is not None and not 0.0 <= options.extrapolate < float("inf"):
         raise UsageError(f"--extrapolate {options.extrapolate:g}: must be a number of metres of at least 0.")
-    if options.draw is not None and name == NETCDF:
-        raise UsageError(f"--draw is for maps; --format {NETCDF} holds the values of all draws.")
+    if options.draw is not None and name in (NETCDF, G2O):
+        raise UsageError(f"--draw is for maps; --format {name} is of all draws.")
     if options.unknown is not None and not 0.0 <= options.unknown[0] <= options.unknown[1] <= 1.0:
         low, high = options.unknown
         raise UsageError(f"--unknown {low:g} {high:g}: needs two probabilities, the lower one first.")
@@ -162,9 +163,10 @@ def _content(
     """Return the content of each file, and figures about it."""
     if name == NETCDF:
         return _netcdf(source)
-    if name == TUM:
+    if name in (TUM, G2O):
         figures = trajectory_of(source).figures()
-        return ((tum_text(source, options.draw),), {"n_poses": figures.pop("n"), **figures})
+        text = g2o_text(source) if name == G2O else tum_text(source, options.draw)
+        return ((text,), {"n_poses": figures.pop("n"), **figures})
     if name == ROS_MAP:
         return _ros_map(source, options, PurePath(files[1]).name)
     chosen = source.choose_map(options.draw)

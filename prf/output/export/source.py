@@ -23,6 +23,8 @@ PARTS = (names.POSTERIOR, names.POSES, names.MAP, names.DIAGNOSTICS)
 KEPT = ("log_posterior", "draw", "chain", "step")
 """Properties of a map in a file that an export of it has too; the rest follows from the map."""
 STEM_SUFFIXES = (".run", ".npz", ".grid", ".geojson", ".json")
+CERTAIN = 1e-6
+"""Metres and radians that nothing is known better than."""
 MARGIN = 1.0  # metres of free space round the polygons of another program, which have no window
 
 
@@ -164,3 +166,17 @@ def tum_text(source: Source, draw: int | None) -> str:
     flat, half = np.zeros(len(poses)), 0.5 * poses[:, 2]
     rows = np.column_stack([time, poses[:, :2], flat, flat, flat, np.sin(half), np.cos(half)])
     return "".join(" ".join(map(repr, row)) + "\n" for row in rows.tolist())
+
+
+def g2o_text(source: Source) -> str:
+    """Return the posterior means of the poses of a run, and each step between them with its information, as g2o has it.
+
+    Poses are numbered from 0 in the order of trajectory.csv.
+    """
+    found = trajectory_of(source)
+    lines = [f"VERTEX_SE2 {k} {' '.join(map(repr, pose))}" for k, pose in enumerate(found.mean.tolist())]
+    mean, covariance = found.steps()
+    information = np.linalg.inv(covariance + CERTAIN**2 * np.eye(3))[:, *np.triu_indices(3)]
+    rows = np.column_stack([mean, information]).tolist()
+    lines += ["FIX 0", *(f"EDGE_SE2 {k} {k + 1} {' '.join(map(repr, row))}" for k, row in enumerate(rows))]
+    return "\n".join(lines) + "\n"
