@@ -75,7 +75,7 @@ class Trajectory:
     laser, sonar : (n_readings,) int32 or None
         Number of the pose of each reading of the run; None where there are none of the kind.
     chain : (n_draws,) int32 or None
-        Chain of each draw; None: all are of one.
+        Chain of each draw; None: not known, so that nothing is said of whether chains agree.
     """
 
     scan: NDArray[np.int64]
@@ -183,7 +183,7 @@ class Trajectory:
         """Return in words what :meth:`figures` has."""
         n, moved, turned, *known = self.figures().values()
         corrected = f"{n} pose{'s' * (n > 1)} corrected by {_by(moved, turned)} (rms)"
-        if not len(self.draws):
+        if not len(self.draws) or self.chain is None:
             return corrected
         dispute = self.dispute()
         return corrected + (f"; not settled: {dispute}" if dispute else f", known to {_by(*known)}")

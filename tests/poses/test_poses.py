@@ -302,9 +302,10 @@ def test_ellipses_hold_nineteen_draws_of_twenty(drawn: Trajectory) -> None:
 
 
 def test_words_tell_corrections_from_knowledge(drawn: Trajectory) -> None:
-    shifted = dataclasses.replace(drawn, draws=np.tile(np.float32([0.0, 1.5, 0.0]), (3, 4, 1)))
+    shifted = apart(dataclasses.replace(drawn, draws=np.tile(np.float32([0.0, 1.5, 0.0]), (4, 4, 1))), 0.0)
     assert shifted.words() == "4 poses corrected by 1.5 m and 0 degrees (rms), known to 0 cm and 0 degrees"
     assert dataclasses.replace(drawn, draws=drawn.draws[:0]).words().endswith("by 0 cm and 0 degrees (rms)")
+    assert dataclasses.replace(shifted, chain=None).words().endswith("by 1.5 m and 0 degrees (rms)")
 
 
 def apart(drawn: Trajectory, metres: float) -> Trajectory:
