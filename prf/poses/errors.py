@@ -9,21 +9,22 @@ from prf.poses.plane import Floats
 from prf.poses.scans import WallPoints
 
 MOST = 20_000  # points that are compared
-OTHERS, FEWEST = 64, 12  # points of other scans that a wall is fitted to
-REACH = 0.25  # metres from a point within which these lie
+OTHERS, FEWEST = 64, 8  # points of other scans that a wall is fitted to
+REACH = 0.12  # metres from a point within which these lie
 THIN = 3.0  # standard deviations that they lie off their line at most, or it is no wall
 LAGS = 24  # beams up to which errors of one wall are compared
 OFF_WALL = 4.0  # standard deviations from it beyond which a point says nothing of noise
 UPRIGHT = 0.6  # cosine of the angle to the normal above which a distance from a wall says what a range errs by
+LEAST_WORTH, MOST_WORTH = 0.02, 9.0  # readings that a beam may be worth
 RIDGE = 1e-6  # added to normal equations, so that they have a solution
 FEWEST_PAIRS = 100  # of points that a correlation is of, at least
 
 
 def independence(scans: WallPoints, poses: Floats) -> float:
-    """Return how many independent readings a beam counts as, at most 1, at poses (n, 3) at which the scans agree.
+    """Return how many independent readings of the model a beam is worth, at poses (n, 3) at which the scans agree.
 
     Beams err by v times the variance of the model, with correlations r_k of those k beams apart on one wall: a beam
-    counts 1 / (v (1 + 2 sum r_k)), so that a wall is known as well as its points show. The sum has Bartlett's weights
+    is worth 1 / (v (1 + 2 sum r_k)), so that a wall is known as well as its points show. The sum has Bartlett's weights
     and ends where r_k is not above 0: poses took up what beams far apart have in common. 1 where scans show too little.
     """
     error, order = _errors(scans, poses)
@@ -38,7 +39,7 @@ def independence(scans: WallPoints, poses: Floats) -> float:
         if related <= 0.0:
             break
         total += 2.0 * (1.0 - lag / (LAGS + 1.0)) * related
-    return min(1.0, 1.0 / max(variance * total, 1e-9))
+    return float(np.clip(1.0 / max(variance * total, 1e-9), LEAST_WORTH, MOST_WORTH))
 
 
 def _errors(scans: WallPoints, poses: Floats) -> tuple[Floats, np.ndarray]:

@@ -35,7 +35,7 @@ class Start(NamedTuple):
     scans: WallPoints
     pull: Pull
     loops: list[LoopMatch]  # of odometry: plausible closures, used or not
-    independence: float = 1.0  # independent readings that a beam counts as
+    independence: float = 1.0  # independent readings of the model that a beam is worth
 
     def draw(self, rng: np.random.Generator, sign: float = 1.0) -> Floats:
         """Return poses (n, 3), about a draw of their posterior, so that chains start apart; -1: the opposite one."""

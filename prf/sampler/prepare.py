@@ -317,7 +317,7 @@ def _started(config: Configuration, beams: Readings | None, cones: Readings | No
     if beams is None:
         return (found if len(found.prior.motion) else dataclasses.replace(found, draw_start=found.prior.draw)), 1.0
     start = find_start(found, beams, config.laser.noise)
-    return dataclasses.replace(found, start=start.poses, draw_start=start.draw), start.independence
+    return dataclasses.replace(found, start=start.poses, draw_start=start.draw), min(1.0, start.independence)
 
 
 def ladder_plan(config: Configuration) -> LadderPlan:
