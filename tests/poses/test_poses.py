@@ -79,7 +79,7 @@ def test_the_pose_that_fixes_the_frame_is_the_same_for_all_chains():
 
 @pytest.mark.parametrize(("noise", "related", "weight"), [(0.03, 0.0, 1.4), (0.03, 0.7, 0.35), (0.015, 0.7, 1.35)])
 def test_beams_count_for_as_much_as_their_errors_are_independent(noise, related, weight):
-    """The model errs by .03 m and more. Errors with correlations r^k count (1 - r) / (1 + r) each, at half the noise four
+    """The model errs by .03 m or more. Errors of correlation r^k count (1 - r) / (1 + r), at half the noise four
     times that."""
     exact = {"noise": 1e-4, "noise_relative": 0.0, "outlier_probability": 0.0, "miss_probability": 0.0}
     scans, rng = readings_at(ROOM, TRUTH, TRUTH, n_beams=180, **exact), np.random.default_rng(6)
