@@ -22,7 +22,9 @@ Ints = NDArray[np.int64]
 SECTORS = 8  # of the direction of normals
 EXACT, MOST = 1e-3, 200  # share of the right hand side that a solution leaves at most, and rounds of its search
 ROUNDS = 24
-SETTLING = 8  # last rounds, all with the smallest squares; their mean is the result
+SETTLING = 5
+"""Last rounds, with several layouts of the smallest squares together; the mean of all but the first is the result."""
+LAYOUTS, MOST_ROWS = 8, 500_000  # so many, unless there would be more points of all
 SMALLEST, LARGEST = 0.4, 1.5  # metres, sides of squares
 NARROW, WIDE = 0.1, 0.5  # metres, and share of the side: distance from a line at which a point counts a quarter
 BLUR = (
@@ -50,15 +52,19 @@ def align(scans: WallPoints, poses: Floats, pull: Pull, error: float, rng: np.ra
     `error`: metres that points lie apart at first, about.
     """
     first = float(np.clip(4.0 * error, SMALLEST, LARGEST))
-    sides = np.r_[np.geomspace(first, SMALLEST, ROUNDS - SETTLING), np.full(SETTLING, SMALLEST)]
-    tolerances = np.r_[np.geomspace(WIDE * first, NARROW, ROUNDS - SETTLING), np.full(SETTLING, NARROW)]
-    settled = []
+    sides = np.geomspace(first, SMALLEST, ROUNDS - SETTLING)
+    tolerances = np.geomspace(WIDE * first, NARROW, ROUNDS - SETTLING)
     for side, tolerance in zip(sides, tolerances, strict=True):
-        lines = common_lines(scans, poses, side, tolerance, rng)
-        change = _solve(lines, poses, pull)
-        poses = compose(poses, np.clip(change, -STEP, STEP))
+        poses = _moved(poses, _solve(common_lines(scans, poses, side, tolerance, rng), poses, pull))
+    settled = []
+    for _ in range(SETTLING):
+        poses = _moved(poses, _solve(settled_lines(scans, poses, rng), poses, pull))
         settled.append(poses)
-    return np.asarray(np.mean(settled[-SETTLING:], axis=0))
+    return np.asarray(np.mean(settled[1:], axis=0))
+
+
+def _moved(poses: Floats, change: Floats) -> Floats:
+    return compose(poses, np.clip(change, -STEP, STEP))
 
 
 def disturbed(scans: WallPoints, poses: Floats, pull: Pull, rng: np.random.Generator, sign: float = 1.0) -> Floats:
@@ -73,11 +79,29 @@ def disturbed(scans: WallPoints, poses: Floats, pull: Pull, rng: np.random.Gener
     disturbance = Disturbance(sign * rng.standard_normal((n, 3)), sign * rng.standard_normal((k, 3)))
     layout, settled = np.random.default_rng(0), []
     for _ in range(SETTLING):
-        lines = common_lines(scans, poses, SMALLEST, NARROW, layout)
-        pushed = lines._replace(distance=lines.distance + push)
-        poses = compose(poses, np.clip(_solve(pushed, poses, pull, disturbance), -STEP, STEP))
+        lines = settled_lines(scans, poses, layout)
+        pushed = lines._replace(distance=lines.distance + np.resize(push, len(lines.distance)))
+        poses = _moved(poses, _solve(pushed, poses, pull, disturbance))
         settled.append(poses)
-    return np.asarray(np.mean(settled[SETTLING // 2 :], axis=0))
+    return np.asarray(np.mean(settled[1:], axis=0))
+
+
+def settled_lines(scans: WallPoints, poses: Floats, rng: np.random.Generator) -> Lines:
+    """Return the lines of several layouts of the smallest squares, one after another, each with a share of the weight.
+
+    What a long wall says of poses far apart depends on where squares cut it: of one layout alone the poses of a loop of
+    corridors came out decimetres apart.
+    """
+    n = int(np.clip(MOST_ROWS // max(len(scans.owner), 1), 1, LAYOUTS))
+    found = [common_lines(scans, poses, SMALLEST, NARROW, rng) for _ in range(n)]
+    first = np.cumsum([0, *(each.n_lines for each in found)])
+    line = np.concatenate([each.line + start for each, start in zip(found, first, strict=False)])
+    parts = {
+        name: np.concatenate([getattr(each, name) for each in found])
+        for name in ("owner", "along", "lever", "distance", "weight")
+    }
+    parts["weight"] /= n
+    return Lines(line=line, n_lines=int(first[-1]), **parts)
 
 
 def common_lines(scans: WallPoints, poses: Floats, side: float, tolerance: float, rng: np.random.Generator) -> Lines:
