@@ -46,10 +46,12 @@ class Lines(NamedTuple):
     n_lines: int
 
 
-def align(scans: WallPoints, poses: Floats, pull: Pull, error: float, rng: np.random.Generator) -> Floats:
+def align(
+    scans: WallPoints, poses: Floats, pull: Pull, error: float, rng: np.random.Generator, layouts: int = LAYOUTS
+) -> Floats:
     """Return poses (n, 3) at which the scans agree.
 
-    `error`: metres that points lie apart at first, about.
+    `error`: metres that points lie apart at first, about. `layouts`: of squares that are looked at together at the end.
     """
     first = float(np.clip(4.0 * error, SMALLEST, LARGEST))
     sides = np.geomspace(first, SMALLEST, ROUNDS - SETTLING)
@@ -58,7 +60,7 @@ def align(scans: WallPoints, poses: Floats, pull: Pull, error: float, rng: np.ra
         poses = _moved(poses, _solve(common_lines(scans, poses, side, tolerance, rng), poses, pull))
     settled = []
     for _ in range(SETTLING):
-        poses = _moved(poses, _solve(settled_lines(scans, poses, rng), poses, pull))
+        poses = _moved(poses, _solve(settled_lines(scans, poses, rng, layouts), poses, pull))
         settled.append(poses)
     return np.asarray(np.mean(settled[1:], axis=0))
 
@@ -86,13 +88,13 @@ def disturbed(scans: WallPoints, poses: Floats, pull: Pull, rng: np.random.Gener
     return np.asarray(np.mean(settled[1:], axis=0))
 
 
-def settled_lines(scans: WallPoints, poses: Floats, rng: np.random.Generator) -> Lines:
+def settled_lines(scans: WallPoints, poses: Floats, rng: np.random.Generator, layouts: int = LAYOUTS) -> Lines:
     """Return the lines of several layouts of the smallest squares, one after another, each with a share of the weight.
 
     What a long wall says of poses far apart depends on where squares cut it: of one layout alone the poses of a loop of
     corridors came out decimetres apart.
     """
-    n = int(np.clip(MOST_ROWS // max(len(scans.owner), 1), 1, LAYOUTS))
+    n = int(np.clip(MOST_ROWS // max(len(scans.owner), 1), 1, layouts))
     found = [common_lines(scans, poses, SMALLEST, NARROW, rng) for _ in range(n)]
     first = np.cumsum([0, *(each.n_lines for each in found)])
     line = np.concatenate([each.line + start for each, start in zip(found, first, strict=False)])

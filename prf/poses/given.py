@@ -75,7 +75,7 @@ def given_errors(laser: Readings, noise: float) -> PoseErrors | None:
         if not len(points.owner):
             return None
         error = float(held[0] + FAR * held[1])
-        off = align(points, given, pull_of(model.prior), error, np.random.default_rng(0)) - given
+        off = align(points, given, pull_of(model.prior), error, np.random.default_rng(0), layouts=1) - given
         shift, turn = np.hypot(off[:, 0], off[:, 1]), np.abs(wrapped(off[:, 2]))
         found = np.array([np.median(shift) / MEDIAN_2D, np.median(turn) / MEDIAN])
         if (found <= ROOM * held).all():

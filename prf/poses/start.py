@@ -59,7 +59,7 @@ def find_trajectory(model: PoseModel, laser: Readings, noise: float, rng: np.ran
     noise : float
         Standard deviation of a range, metres.
     rng : numpy.random.Generator, optional
-        Draws from the normal approximation of the posterior of the poses; without it the poses are its mode.
+        Draws about from the posterior of the poses (:meth:`Start.draw`); without it the poses are its mode.
 
     Returns
     -------
