@@ -51,7 +51,7 @@ def matched(drive: Drive, case: Case) -> tuple[NDArray[np.int64], Floats, Floats
     whole = read_configured(config, str(drive.log), None)[0]
     assert whole is not None
     laser = thin(whole, **config.readings.selection()).within(default_max_range(whole))
-    model = pose_model(laser, None, config.trajectory.pose_noise, config.trajectory.step_noise)
+    model = pose_model(laser, None, case.pose_noise, config.trajectory.step_noise)
     begun = time.perf_counter()
     found = find_trajectory(model, laser, config.laser.noise)
     return model.scan, model.prior.given, found, time.perf_counter() - begun

@@ -61,7 +61,7 @@ def test_uncertain_poses_are_sampled_and_reported(
     log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     folder = tmp_path / "moved"
-    how = ("--pose-noise", "0.05", "0.01", "--steps", "20000", "--seed", "5", "-o", str(folder))
+    how = ("--pose-noise", "0.05", "0.01", "--chains", "4", "--steps", "20000", "--seed", "5", "-o", str(folder))
     assert prf("sample", "--laser", str(log), *QUICK, *how) == 0
     shown = capsys.readouterr()
     found = read_run(folder)
