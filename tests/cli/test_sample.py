@@ -68,7 +68,8 @@ def test_uncertain_poses_are_sampled_and_reported(
     assert found.trajectory is not None
     assert f"Trajectory: {found.trajectory.words()}; {folder}/trajectory.csv" in shown.out + shown.err
     assert found.trajectory.draws.shape == (len(found.draws), 4, 3)
-    assert 0.0 < found.trajectory.figures()["mean_sd_m"] < 0.1
+    # Errors of .05 m on each axis, and Student's factor for two pairs of chains that have hardly left their starts.
+    assert 0.0 < found.trajectory.figures()["mean_sd_m"] < 0.05 * np.sqrt(2.0) * 2.2
     assert prf("sample", "--resume", str(folder), "--steps", "20000", "--json", "-q") == 0
     assert json.loads(capsys.readouterr().out)["trajectory"] == pytest.approx(found.trajectory.figures())
 
