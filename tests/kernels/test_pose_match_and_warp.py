@@ -59,7 +59,7 @@ def test_what_a_beam_adds_are_the_squares_of_derivatives() -> None:
     """Of the range that the edge would give, which `add_beam` knows at one place alone."""
     rng = np.random.default_rng(2)
     model = np.zeros(c.N_LASER_MODEL)
-    model[[c.NOISE, c.HIT, c.OUTLIER_DENSITY]] = 0.1, 0.9, 1e-9
+    model[[c.NOISE, c.HIT, c.OUTLIER_DENSITY, c.WEIGHT]] = 0.1, 0.9, 1e-9, 0.5
     for _ in range(20):
         pose, bearing = rng.uniform(-1.0, 1.0, 3), rng.uniform(-0.5, 0.5)
         xy = np.array([2.0, -9.0, 2.0 + rng.uniform(-1.0, 1.0), 9.0])
@@ -80,7 +80,7 @@ def test_what_a_beam_adds_are_the_squares_of_derivatives() -> None:
         m.add_beam(model, work, pose, ray, xy, 1.0)
         by_pose = slope(distance, pose)
         np.testing.assert_allclose(
-            symmetric(work[m.NORMAL : m.GRADIENT]), 100.0 * np.outer(by_pose, by_pose), rtol=1e-4
+            symmetric(work[m.NORMAL : m.GRADIENT]), 0.5 * 100.0 * np.outer(by_pose, by_pose), rtol=1e-4
         )
         np.testing.assert_allclose(work[m.GRADIENT : m.ROOT], 7.0 * by_pose, rtol=1e-4)
 
