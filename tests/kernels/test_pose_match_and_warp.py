@@ -82,7 +82,7 @@ def test_what_a_beam_adds_are_the_squares_of_derivatives() -> None:
         np.testing.assert_allclose(
             symmetric(work[m.NORMAL : m.GRADIENT]), 0.5 * 100.0 * np.outer(by_pose, by_pose), rtol=1e-4
         )
-        np.testing.assert_allclose(work[m.GRADIENT : m.ROOT], 7.0 * by_pose, rtol=1e-4)
+        np.testing.assert_allclose(work[m.GRADIENT : m.ROOT], 0.5 * 7.0 * by_pose, rtol=1e-4)
 
 
 @RIGS
