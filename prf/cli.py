@@ -28,7 +28,7 @@ VERBS: dict[str, str] = {
     "render": "Draw a picture of a run, of a grid, or of draws from the prior.",
     "report": "Write a report on a run: one page of HTML that opens without a network.",
     "simulate": "Simulate a robot in a world that is known: logs of laser and sonar, with their truth.",
-    "export": "Write a map for other programs: GeoJSON, ROS map_server, SVG, DXF, netCDF; or its trajectory: TUM.",
+    "export": "Write a map for other programs: GeoJSON, ROS map_server, SVG, DXF, netCDF; or its trajectory: TUM, g2o.",
     "warm": "Compile the kernels ahead: for container images, CI, and machines that must answer at once.",
 }
 """Verb to its summary: the first line of the docstring of ``prf/commands/<verb>.py``, as a test compares."""
