@@ -70,9 +70,9 @@ def export(
 
     geojson, svg and dxf take the polygons of the best map, ros-map the posterior probability of each cell, netcdf the
     values that were watched in every draw, for ArviZ, tum the means of poses that were sampled, g2o
-    the steps between them too, with their information. What no reading saw is
-    unknown in a ros-map, and polygons end half a metre beyond what was seen. ros-map writes two files, a yaml file and
-    the image it names; it is the one format for a GRID. dxf and netcdf need libraries: pip install '.[dxf,netcdf]'.
+    the steps between them too, with their information. What no reading saw is unknown in a ros-map, and polygons end
+    half a metre beyond what was seen. ros-map writes two files, a yaml file and the image it names; it is the one
+    format for a GRID. dxf and netcdf need libraries: pip install '.[dxf,netcdf]'.
     """
     from prf.output.export import Options, export_source
     from prf.shell.cli import storage

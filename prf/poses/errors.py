@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from prf.poses.plane import Floats
@@ -27,12 +28,12 @@ def independence(scans: WallPoints, poses: Floats) -> float:
     is worth 1 / (v (1 + 2 sum r_k)), so that a wall is known as well as its points show. The sum has Bartlett's weights
     and ends where r_k is not above 0: poses took up what beams far apart have in common. 1 where scans show too little.
     """
-    error, order = _errors(scans, poses)
+    error = _errors(scans, poses)
     near = np.isfinite(error)
     if near.sum() < FEWEST_PAIRS:
         return 1.0
     near &= np.abs(error) < OFF_WALL * max(1.4826 * float(np.median(np.abs(error[near]))), 1e-9)
-    variance, total, owner = float(np.mean(np.square(error[near]))), 1.0, scans.owner[order]
+    variance, total, owner = float(np.mean(np.square(error[near]))), 1.0, scans.owner[: len(error)]
     for lag in range(1, min(LAGS, len(error) - 1) + 1):
         pair = (owner[:-lag] == owner[lag:]) & near[:-lag] & near[lag:]
         related = float((error[:-lag] * error[lag:])[pair].mean()) / variance if pair.sum() >= FEWEST_PAIRS else 0.0
@@ -42,18 +43,18 @@ def independence(scans: WallPoints, poses: Floats) -> float:
     return float(np.clip(1.0 / max(variance * total, 1e-9), LEAST_WORTH, MOST_WORTH))
 
 
-def _errors(scans: WallPoints, poses: Floats) -> tuple[Floats, np.ndarray]:
-    """Return by how many standard deviations ranges err (m,), nan where no wall is there; and the points they are of.
+def _errors(scans: WallPoints, poses: Floats) -> Floats:
+    """Return by how many standard deviations the ranges of the first points err (m,), nan where no wall is there.
 
     A wall is what points of other scans near by lie on, so that a point has no part in what it is compared with.
     """
     world, facing = scans.at(poses)
-    order = np.arange(min(len(world), MOST))
-    distance, near = cKDTree(world).query(world[order], k=min(OTHERS, len(world)), distance_upper_bound=REACH)
+    owner, own, sharpness = scans.owner[:MOST], world[:MOST], scans.weight[:MOST]
+    distance, near = cKDTree(world).query(own, k=min(OTHERS, len(world)), distance_upper_bound=REACH)
     near = np.minimum(near, len(world) - 1)
-    others = np.isfinite(distance) & (scans.owner[near] != scans.owner[order][:, None])
+    others = np.isfinite(distance) & (scans.owner[near] != owner[:, None])
     # Not the other side of a wall.
-    others &= np.einsum("mki,mi->mk", facing[near], facing[order]) > 0.0
+    others &= np.einsum("mki,mi->mk", facing[near], facing[:MOST]) > 0.0
     n = others.sum(axis=1)
     weight = others / np.maximum(n, 1)[:, None]
     around = world[near]
@@ -61,19 +62,18 @@ def _errors(scans: WallPoints, poses: Floats) -> tuple[Floats, np.ndarray]:
     value, vector = np.linalg.eigh(
         np.einsum("mk,mki,mkj->mij", weight, around - middle[:, None], around - middle[:, None])
     )
-    normal, sharpness = vector[:, :, 0], scans.weight[order]
-    seen = world[order] - poses[scans.owner[order], :2]
+    normal, seen = vector[:, :, 0], own - poses[owner, :2]
     upright = np.abs(np.einsum("mi,mi->m", normal, seen)) / np.maximum(np.linalg.norm(seen, axis=1), 1e-9)
-    off = np.einsum("mi,mi->m", normal, world[order] - middle) / np.maximum(upright, UPRIGHT) * np.sqrt(sharpness)
+    off = np.einsum("mi,mi->m", normal, own - middle) / np.maximum(upright, UPRIGHT) * np.sqrt(sharpness)
     is_wall = (n >= FEWEST) & (value[:, 0] * sharpness < THIN**2) & (upright > UPRIGHT)
     # The middle of n points errs too.
     off = np.where(is_wall, off / np.sqrt(1.0 + 1.0 / np.maximum(n, 1)), np.nan)
     lever = np.column_stack([normal, seen[:, 0] * normal[:, 1] - seen[:, 1] * normal[:, 0]])
     scale = np.sqrt(sharpness) / np.maximum(upright, UPRIGHT)
-    return _without_pose(off, scale[:, None] * lever, scans.owner[order]), order
+    return _without_pose(off, scale[:, None] * lever, owner)
 
 
-def _without_pose(error: Floats, lever: Floats, owner: np.ndarray) -> Floats:
+def _without_pose(error: Floats, lever: Floats, owner: NDArray[np.int64]) -> Floats:
     """Return errors (m,) less what small changes of the poses of their scans, by levers (m, 3), would do away with."""
     known, n = np.isfinite(error), int(owner.max(initial=-1)) + 1
     value, by, of = np.where(known, error, 0.0), np.where(known[:, None], lever, 0.0), np.zeros((n, 3, 3))

@@ -10,7 +10,7 @@ import numpy as np
 
 from prf.poses.align import align
 from prf.poses.model import pose_model
-from prf.poses.plane import wrapped
+from prf.poses.plane import in_words, wrapped
 from prf.poses.scans import scans_of
 from prf.poses.start import FAR, pull_of
 from prf.readings import Readings
@@ -42,8 +42,7 @@ class PoseErrors(NamedTuple):
 
     def words(self) -> str:
         """Return them for a person."""
-        length = f"{100.0 * self.metres:.2g} cm" if self.metres < 0.995 else f"{self.metres:.2g} m"
-        return f"{length} and {math.degrees(self.radians):.2g} degrees"
+        return in_words(self.metres, self.radians)
 
     def advice(self) -> str:
         """Return what to do about them; empty where they do little harm."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -26,3 +28,14 @@ def seen_from(pose: Floats, world: Floats) -> Floats:
     cosine, sine = np.cos(pose[..., 2]), np.sin(pose[..., 2])
     x, y = world[..., 0] - pose[..., 0], world[..., 1] - pose[..., 1]
     return np.stack([cosine * x + sine * y, cosine * y - sine * x, wrapped(world[..., 2] - pose[..., 2])], axis=-1)
+
+
+def in_words(metres: float, radians: float) -> str:
+    """Return a length and an angle for a person, in centimetres below a metre, and degrees."""
+    degrees = math.degrees(radians)
+    return f"{length_in_words(metres)} and {degrees:.{2 if degrees < 99.5 else 3}g} degrees"
+
+
+def length_in_words(metres: float) -> str:
+    """Return a length for a person, in centimetres below a metre."""
+    return f"{100.0 * metres:.2g} cm" if metres < 0.995 else f"{metres:.3g} m"

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtrit
 
-from prf.poses.plane import Floats, compose, seen_from, wrapped
+from prf.poses.plane import Floats, compose, in_words, length_in_words, seen_from, wrapped
 from prf.readings import Readings
 
 CHI2_95 = 5.991464547107979
@@ -25,7 +25,7 @@ FEW = 0.05
 
 
 class Spread(NamedTuple):
-    """Covariances (n, 3, 3) within chains, and of the means of chains."""
+    """Covariances (n, 3, 3) within chains, and of the means of chains, in squares of the units of what varies."""
 
     within: Floats
     between: Floats
@@ -116,7 +116,7 @@ class Trajectory:
 
     @cached_property
     def covariance(self) -> Floats:
-        """Covariance of each pose (n, 3, 3) round its mean, headings as turns from it; nan without draws.
+        """Covariance of each pose (n, 3, 3) round its mean, m2, m rad and rad2, headings as turns; nan without draws.
 
         It is the posterior's where chains agree, and allows for how few they are where not (:class:`Spread`).
         """
@@ -152,7 +152,9 @@ class Trajectory:
         if differs.mean() <= FEW:
             return ""
         worst = self.scan[int(np.argmax(apart))]
-        return f"chains differ by {_length(apart.max())} at scan {worst}, and on {differs.mean():.0%} of the poses"
+        return (
+            f"chains differ by {length_in_words(apart.max())} at scan {worst}, and on {differs.mean():.0%} of the poses"
+        )
 
     def ellipses(self) -> Floats:
         """Return the half axes (n, 2, 2), metres, of ellipses round the means that hold each place at 95 %."""
@@ -182,20 +184,11 @@ class Trajectory:
     def words(self) -> str:
         """Return in words what :meth:`figures` has."""
         n, moved, turned, *known = self.figures().values()
-        corrected = f"{n} pose{'s' * (n > 1)} corrected by {_by(moved, turned)} (rms)"
+        corrected = f"{n} pose{'s' * (n > 1)} corrected by {in_words(moved, turned)} (rms)"
         if not len(self.draws) or self.chain is None:
             return corrected
         dispute = self.dispute()
-        return corrected + (f"; not settled: {dispute}" if dispute else f", known to {_by(*known)}")
-
-
-def _by(metres: float, radians: float) -> str:
-    degrees = math.degrees(radians)
-    return f"{_length(metres)} and {degrees:.{2 if degrees < 99.5 else 3}g} degrees"
-
-
-def _length(metres: float) -> str:
-    return f"{100.0 * metres:.2g} cm" if metres < 0.995 else f"{metres:.3g} m"
+        return corrected + (f"; not settled: {dispute}" if dispute else f", known to {in_words(*known)}")
 
 
 def pose_functionals(poses: Floats, given: Floats) -> dict[str, Floats]:

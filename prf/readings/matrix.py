@@ -11,7 +11,7 @@ import re
 import numpy as np
 
 from prf.readings.readings import LogNotes, Readings, ScanTable
-from prf.readings.text import MEND, FloatArray, check_domains, content_lines
+from prf.readings.text import MEND, FloatArray, IntArray, check_domains, content_lines
 from prf.shell.errors import ConfigError, InputError
 from prf.shell.poses.files import NUMPY_MAGIC, array_of
 
@@ -80,7 +80,7 @@ def read_matrix(data: bytes, source: str, angles: str) -> Readings:
     ).where(usable)
 
 
-def _rows(data: bytes, source: str) -> tuple[np.ndarray, FloatArray]:
+def _rows(data: bytes, source: str) -> tuple[IntArray, FloatArray]:
     """Return the lines of the scans (n,) and their ranges (n, w)."""
     if data.startswith(NUMPY_MAGIC):
         values = array_of(data, source)

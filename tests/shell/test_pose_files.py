@@ -118,6 +118,7 @@ def test_rounded_rotations_become_exact(tmp_path):
         ("1 0 0 0 0 1 0 0 0 0 -1 0\n", "poses.txt:1: the matrix of this pose mirrors"),
         ("t,x,y\n0,1,2\n", "poses.txt:1: the header does not name the columns of poses"),
         ("t,x,y,yaw\n0,1,2,3\n0,1,2,90\n", r"poses.txt:3: an angle is 90 rad. If .* yaw_deg"),
+        ("t,x,y,theta,roll\n0,1,2,3,0\n0,1,2,3,90\n", r"poses.txt:3: an angle is 90 rad"),
         ("t,x,y,theta\n0,1,2,3\n0,1,2\n", "poses.txt:3: 3 columns below a header of 4"),
         ("\x16\0\0\0\0\0\0\0serialization::archive", r"state of slam_toolbox .* Record scans and /tf"),
         ("1 0 0 0 0 1 0 0 0 0 1 0 5 5 5 1\n", "poses.txt:1: the last row of this 4x4 matrix"),
@@ -165,6 +166,9 @@ def test_arrays_of_numpy(is_across, tmp_path):
     np.save(tmp_path / "way.npy", way.T if is_across else way)
     table = read_pose_file(str(tmp_path / "way.npy"))
     np.testing.assert_allclose(table.poses[:, :2, 3], way[:, :2])
+    np.save(tmp_path / "way.npy", np.where(way == way[3], np.nan, way))
+    with pytest.raises(InputError, match=r"way\.npy: row 3 has a number that is not finite"):
+        read_pose_file(str(tmp_path / "way.npy"))
     np.save(tmp_path / "way.npy", way[0])
     with pytest.raises(InputError, match=r"way\.npy: not an array of numbers, a row a scan"):
         read_pose_file(str(tmp_path / "way.npy"))

@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from prf.shell.cli.files import STREAM, gunzip, open_input
 from prf.shell.errors import InputError
-from prf.shell.poses.headings import in_radians
+from prf.shell.poses.headings import in_radians, refuse_wide
 
 Floats = NDArray[np.float64]
 Order = Literal["xyzw", "wxyz"]
@@ -176,7 +176,10 @@ def _of_columns(rows: _Rows) -> PoseFile:
     unit = ""
     if "theta" in column:
         heading, unit = in_radians(place[:, :2], column["theta"], rows.where)
-        poses = _of_angles(place, np.column_stack([heading, *(column.get(name, zero) for name in ("pitch", "roll"))]))
+        tilts = [column.get(name, zero) for name in ("pitch", "roll")]
+        for tilt in tilts:
+            refuse_wide(tilt, rows.where)
+        poses = _of_angles(place, np.column_stack([heading, *tilts]))
     else:
         quaternions = [column[f"q{axis}"] for axis in "xyzw"]
         poses = _of_quaternions(np.column_stack([place, *quaternions]), rows.where, "", "xyzw", "")
@@ -235,6 +238,9 @@ def _read_rows(path: str) -> _Rows:
     if data.startswith(NUMPY_MAGIC):
         values = array_of(data, source)
         values = values.T if len(values) == 3 != values.shape[1] else values
+        if not np.isfinite(values).all():
+            row = int(np.flatnonzero(~np.isfinite(values).all(axis=1))[0])
+            raise InputError(f"{source}: row {row} has a number that is not finite. Remove this pose and its scan.")
         return _Rows([f"{source}: row {number}" for number in range(len(values))], values)
     text = _text(data, source)
     if text.lstrip()[:1] in ("[", "{"):

@@ -28,15 +28,22 @@ def in_radians(place: Floats, heading: Floats, where: Sequence[str]) -> tuple[Fl
     show, headings beyond two turns are refused.
     """
     if np.ptp(heading) <= 2.0 * np.pi:
+        refuse_wide(heading, where)
         return heading, ""
     as_radians, as_degrees, chance = (_followed(place, heading, unit) for unit in (1.0, math.radians(1.0), math.inf))
     if as_degrees > max(LEAST_FOLLOWED, chance) and as_radians < HARDLY * as_degrees:
         return np.radians(heading), ", headings in degrees, which the way follows"
-    wide = np.flatnonzero(np.abs(heading) > WIDEST)
-    if len(wide) and not (as_radians > chance and as_radians > SURELY * as_degrees):
-        found = f"an angle is {np.abs(heading[wide[0]]):g} rad"
-        raise InputError(f"{where[wide[0]]}: {found}. If these are degrees, name the column so in a header: yaw_deg.")
+    if not (as_radians > chance and as_radians > SURELY * as_degrees):
+        refuse_wide(heading, where)
     return heading, ""
+
+
+def refuse_wide(angle: Floats, where: Sequence[str]) -> None:
+    """Refuse angles (k,), radians, beyond two turns, which are in degrees."""
+    wide = np.flatnonzero(np.abs(angle) > WIDEST)
+    if len(wide):
+        found = f"an angle is {np.abs(angle[wide[0]]):g} rad"
+        raise InputError(f"{where[wide[0]]}: {found}. If these are degrees, name the column so in a header: yaw_deg.")
 
 
 def _followed(place: Floats, heading: Floats, unit: float) -> float:
