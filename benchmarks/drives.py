@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gzip
+from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -10,6 +12,7 @@ import shapely
 from numpy.typing import NDArray
 
 from benchmarks.commands import made
+from prf.poses.plane import compose, seen_from
 from prf.readings import read_readings
 
 Floats = NDArray[np.float64]
@@ -27,10 +30,15 @@ class Case(NamedTuple):
     odometry: str | None = None
 
 
+LONG = {"long": 0.6, "repeating": 0.2}  # by how much rings are larger than those of `loop`, 66 to 98 m
+CARRIED = 11.0  # metres that a robot is carried, its wheels standing
 CASES = {
     "small": Case([0.05, 0.01]),
     "large": Case([0.15, 0.03]),
     "loop": Case(odometry="wheels"),
+    "long": Case(odometry="wheels"),
+    "carried": Case(odometry="wheels"),
+    "repeating": Case(odometry="wheels"),
     "real": Case([0.15, 0.03]),
 }
 
@@ -44,43 +52,83 @@ class Drive(NamedTuple):
     truth: Floats  # (n_scans, 3) of all scans of the log
 
 
-def loop_world(folder: Path, seed: int) -> tuple[Path, Path]:
-    """Write a ring of corridors with niches and pillars, and waypoints once round it and a bit; return both files."""
-    rng = np.random.default_rng(seed)
-    wide, high, across = rng.uniform(24.0, 32.0), rng.uniform(14.0, 22.0), rng.uniform(2.2, 3.0)
+def ring(rng: np.random.Generator, larger: float, is_repeating: bool) -> tuple[shapely.Geometry, shapely.LinearRing]:
+    """Return the walls of a ring of corridors with niches and pillars, and the way once round it.
+
+    In a repeating one all niches are the same and stand at the same distances.
+    """
+    wide, high, across = *((1.0 + larger) * rng.uniform([24.0, 14.0], [32.0, 22.0])), rng.uniform(2.2, 3.0)
     low = 0.5 * across
     free = [shapely.box(0, 0, wide, high).difference(shapely.box(across, across, wide - across, high - across))]
     way = shapely.LinearRing([(low, low), (wide - low, low), (wide - low, high - low), (low, high - low)])
-    pillars = []
+    pillars, same = [], (rng.uniform(0.4, 1.2), *(low + rng.uniform(0.2, 1.2, 2)))
     for along in np.arange(3.0, way.length, 4.0):  # 4 m apart, so that none touch
-        (x, y), half = way.interpolate(along + rng.uniform(-0.5, 0.5)).coords[0], rng.uniform(0.4, 1.2)
-        left, right = low + rng.uniform(0.2, 1.2, 2)  # how far niches reach from the middle of the corridor
+        shift, half, left, right = rng.uniform(-0.5, 0.5), rng.uniform(0.4, 1.2), *(low + rng.uniform(0.2, 1.2, 2))
+        if is_repeating:
+            shift, (half, left, right) = 0.0, same
+        x, y = way.interpolate(along + shift).coords[0]
         is_upright = low < y < high - low
         reach = (left, half, right, half) if is_upright else (half, left, half, right)
         free.append(shapely.box(x - reach[0], y - reach[1], x + reach[2], y + reach[3]))
         aside = rng.choice([-1.0, 1.0], 2) * (low - 0.35)
         pillar = shapely.Point(x + aside[0], y + aside[1])
-        if pillar.distance(way) > 0.45:
+        if pillar.distance(way) > 0.45 and not is_repeating:
             pillars.append(pillar.buffer(rng.uniform(0.1, 0.2), quad_segs=2))
     walls = shapely.box(-3, -3, wide + 3, high + 3).difference(shapely.union_all(free))
+    return shapely.union_all([walls, *pillars]), way
+
+
+def loop_world(folder: Path, name: str, seed: int) -> tuple[Path, Path]:
+    """Write a ring of corridors, and waypoints once round it and a bit; return both files."""
+    walls, way = ring(np.random.default_rng(seed), LONG.get(name, 0.0), name == "repeating")
     world, path = folder / "world.geojson", folder / "way.csv"
     folder.mkdir(parents=True, exist_ok=True)
-    world.write_text(shapely.to_geojson(shapely.union_all([walls, *pillars])))
+    world.write_text(shapely.to_geojson(walls))
     stops = [*way.coords, way.interpolate(8.0).coords[0]]
     path.write_text("x,y\n" + "".join(f"{x:.4f},{y:.4f}\n" for x, y in stops))
     return world, path
 
 
+def carry(log: Path, truth: Floats, seed: int) -> Floats:
+    """Leave out of a log of odometry the scans of CARRIED metres, as if the wheels had stood; return the rest's truth.
+
+    Where it is taken up is between a third and half of the way.
+    """
+    along = np.append(0.0, np.cumsum(np.hypot(*np.diff(truth[:, :2], axis=0).T)))
+    first = int(np.searchsorted(along, along[-1] * np.random.default_rng(seed).uniform(1 / 3, 1 / 2)))
+    last = int(np.searchsorted(along, along[first] + CARRIED))
+    pose = read_readings(str(log)).notes.scans.pose.copy()
+    pose[last:] = compose(pose[[first - 1]], seen_from(pose[[last]], pose[last:]))
+    kept = np.delete(np.arange(len(truth)), np.arange(first, last))
+    lines = gzip.decompress(log.read_bytes()).decode().splitlines()
+    log.write_bytes(gzip.compress("\n".join(_placed(lines, pose, set(kept.tolist()))).encode() + b"\n"))
+    return truth[kept]
+
+
+def _placed(lines: list[str], pose: Floats, kept: set[int]) -> Iterator[str]:
+    """Yield lines of a CARMEN log, the scans kept at other poses (n, 3)."""
+    number = 0
+    for line in lines:
+        word = line.split()
+        if word[:1] != ["FLASER"]:
+            yield line
+            continue
+        if number in kept:
+            at, n = [f"{value:.6f}" for value in pose[number]], 2 + int(word[1])
+            yield " ".join([*word[:n], *at, *at, *word[n + 6 :]])
+        number += 1
+
+
 def simulated(folder: Path, name: str, seed: int) -> Drive:
     """Simulate a drive whose log has poses with errors."""
     case, output = CASES[name], folder / "drive"
-    if name == "loop":
-        world, path = loop_world(folder, seed)
+    if case.odometry is not None:
+        world, path = loop_world(folder, name, seed)
         made("simulate", output, world=world, path=path, odometry=case.odometry, seed=seed)
     else:
         made("simulate", output, size=SIZE, pose_noise=case.pose_noise, seed=seed)
-    truth = np.loadtxt(output / "true_poses.csv", delimiter=",", skiprows=1)[:, 1:]
-    return Drive(output / "laser.log.gz", None, 1, truth)
+    log, truth = output / "laser.log.gz", np.loadtxt(output / "true_poses.csv", delimiter=",", skiprows=1)[:, 1:]
+    return Drive(log, None, 1, carry(log, truth, seed) if name == "carried" else truth)
 
 
 def disturbed(folder: Path, log: Path, noise: list[float], seed: int) -> Drive:

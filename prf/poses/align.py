@@ -20,17 +20,15 @@ from prf.poses.scans import WallPoints
 
 Ints = NDArray[np.int64]
 SECTORS = 8  # of the direction of normals
-EXACT, MOST = 1e-3, 200  # share of the right hand side that a solution leaves at most, and rounds of its search
+EXACT, MOST = 1e-5, 1000  # share of the right hand side that a solution leaves at most, and rounds of its search
 ROUNDS = 24
 SETTLING = 5
 """Last rounds, with several layouts of the smallest squares together; the mean of all but the first is the result."""
 LAYOUTS, MOST_ROWS = 8, 500_000  # so many, unless there would be more points of all
 SMALLEST, LARGEST = 0.4, 1.5  # metres, sides of squares
 NARROW, WIDE = 0.1, 0.5  # metres, and share of the side: distance from a line at which a point counts a quarter
-BLUR = (
-    0.3  # of that distance: how far points are off besides the noise, so that wrong lines pull less than what is given
-)
-SLOPE = 1.0 / 0.15**2  # one over the variance of the mean normal of a line, 1/rad2
+BLUR = 0.1  # of that distance: how far points are off besides the noise, so that wrong lines pull less than the prior
+SLOPE = 1.0  # one over the variance of the mean normal of a line, 1/rad2
 STEP = np.array([0.3, 0.3, 0.1])  # m, m, rad: largest change of a pose in a round
 
 

@@ -7,22 +7,18 @@ come first: each of them narrows the search for the others.
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 from scipy.sparse.linalg import splu
 
+from prf.poses.carried import doubtful, landings
+from prf.poses.follow import Followed
 from prf.poses.graph import Ints, Pull, Relations, derivatives, errors, root_of
-from prf.poses.match import Place, place_of, search
+from prf.poses.match import search
+from prf.poses.pieces import OVERLAP, LoopMatch, Piece, cut
 from prf.poses.plane import Floats, compose, seen_from, wrapped
 from prf.poses.scans import WallPoints
 
-LENGTH = 5.0  # metres of the way that make a piece
-TURNED = 2.0  # metres that a radian of turning counts as
 APART = 3  # pieces that lie between a piece and one that it may be matched with
-RANGE = 15.0  # metres from the sensor that points of a piece lie within
-POINTS = 240  # of a piece that are matched
-OVERLAP = 8.0  # metres between pieces that see the same
 TARGETS = 6  # earlier pieces that one is matched with in a round
 ROOMS = (1.5, 4.0, 12.0)  # metres: uncertainty of a place, three standard deviations, searched in a round
 TURN = 0.8  # radians searched at most
@@ -32,65 +28,32 @@ PLAUSIBLE = 0.3  # score of one that is worth a try
 FAR_OFF = 16.0  # squared distance, in standard deviations, from the prediction and in the settled graph
 SOFT = 9.0  # the same from which a closure pulls less (dynamic covariance scaling, Agarwal et al. 2013)
 SETTLING = 15  # steps of Gauss and Newton
+BROKEN = 1e-3  # share of what holds a step that is left where the robot was carried
 
 
-class LoopMatch(NamedTuple):
-    """Where a state may have been, seen from an earlier one."""
-
-    tail: int  # earlier state
-    head: int  # later state
-    pose: Floats  # (3,) of the later in the frame of the earlier: m, m, rad
-    covariance: Floats  # (3, 3)
-    score: float  # up to 1: how well the points near both agree
-    is_used: bool  # whether the trajectory found goes through it
-
-
-class _Piece(NamedTuple):
-    """A stretch of the way, in the frame of its middle state."""
-
-    anchor: int
-    point: Floats  # (n, 2) metres
-    place: Place  # of it and its neighbours
+def close_loops(scans: WallPoints, followed: Followed, chain: Pull) -> tuple[Floats, list[LoopMatch]]:
+    """Return poses (n, 3) with loops closed, and all plausible closures; `chain`: what else holds poses."""
+    steps = doubtful(followed.fits)
+    pieces, chain = cut(scans, followed.poses, steps), chain._replace(relations=followed.steps)
+    poses, found = _closed(pieces, followed.poses, chain, [])
+    while steps and (ways := landings(pieces, poses, steps)):
+        step, match = ways[0].step, ways[0].match
+        chain.relations.root[step] *= BROKEN
+        steps.remove(step)
+        poses, found = _closed(pieces, ways[0].poses, chain, [match, *(each for each in found if not each.over(step))])
+    return poses, found
 
 
-def close_loops(scans: WallPoints, poses: Floats, chain: Pull) -> tuple[Floats, list[LoopMatch]]:
-    """Return poses (n, 3) with loops closed, and all plausible closures.
-
-    `poses`: right from each to the next, as far as scans can show. `chain`: what is known of each step.
-    """
-    pieces = _pieces(scans, poses)
-    found, tried = list[LoopMatch](), set[tuple[int, int]]()
+def _closed(pieces: list[Piece], poses: Floats, chain: Pull, found: list[LoopMatch]) -> tuple[Floats, list[LoopMatch]]:
+    """Return the poses that fit closures found and those found anew, and all of these."""
+    tried = set[tuple[int, int]]()
     for room in ROOMS:
         for a, b, window, spread in _candidates(pieces, poses, _with(chain, found), room):
             if (a, b) not in tried:
                 tried.add((a, b))
-                found += _matches(pieces[a], pieces[b], poses, window, spread)
+                found = [*found, *_matches(pieces[a], pieces[b], poses, window, spread)]
         poses, found = _settled(poses, chain, found)
     return poses, found
-
-
-def _pieces(scans: WallPoints, poses: Floats) -> list[_Piece]:
-    """Return the pieces of the way, in order."""
-    steps = seen_from(poses[:-1], poses[1:])
-    along = np.append(0.0, np.cumsum(np.hypot(steps[:, 0], steps[:, 1]) + TURNED * np.abs(steps[:, 2])))
-    number = (along / LENGTH).astype(np.int64)
-    near = scans.select(np.hypot(*scans.point.T) < RANGE)
-    world, of_point = near.at(poses)[0], number[near.owner]
-    found = []
-    for k in np.unique(number):
-        anchor = int(np.flatnonzero(number == k).mean())
-        inside = np.flatnonzero(np.abs(of_point - k) <= 1)
-        inside = inside[:: 1 + len(inside) // 4000]
-        local = _local(poses[anchor], world[inside])
-        origin = _local(poses[anchor], poses[near.owner[inside], :2])
-        own = local[of_point[inside] == k]
-        own = own[:: 1 + len(own) // POINTS]
-        found.append(_Piece(anchor, own, place_of(local, origin, RANGE + LENGTH)))
-    return found
-
-
-def _local(pose: Floats, world: Floats) -> Floats:
-    return seen_from(pose, np.column_stack([world, np.zeros(len(world))]))[:, :2]
 
 
 def _with(chain: Pull, found: list[LoopMatch]) -> Pull:
@@ -105,7 +68,7 @@ def _relations(used: list[LoopMatch]) -> Relations:
     return Relations(tail, head, np.array([match.pose for match in used]), root)
 
 
-def _candidates(pieces: list[_Piece], poses: Floats, graph: Pull, room: float) -> list[tuple[int, int, Floats, Floats]]:
+def _candidates(pieces: list[Piece], poses: Floats, graph: Pull, room: float) -> list[tuple[int, int, Floats, Floats]]:
     """Return pairs of pieces that may overlap, the window to search, and the covariance (3, 3) of the prediction."""
     anchor = np.array([piece.anchor for piece in pieces])
     first, second = np.triu_indices(len(pieces), APART)
@@ -144,7 +107,7 @@ class _Covariances:
         )
 
 
-def _matches(tail: _Piece, head: _Piece, poses: Floats, window: Floats, spread: Floats) -> list[LoopMatch]:
+def _matches(tail: Piece, head: Piece, poses: Floats, window: Floats, spread: Floats) -> list[LoopMatch]:
     """Return the plausible ways that a piece lies on an earlier one, the best first, which may be used."""
     about = seen_from(poses[tail.anchor], poses[head.anchor])
     ways, covariance = search(tail.place, head.point, about, window)

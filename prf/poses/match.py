@@ -10,17 +10,20 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, maximum_filter
 
 from prf.kernels.poses.scan_match import correlate
-from prf.poses.plane import Floats
+from prf.poses.plane import Floats, compose
 
 CELL = 0.1  # metres
-COARSE = 3  # cells along a side of a coarse one
+COARSE, ROUGH = 3, 6  # cells along a side of a coarse one, and of a rough one
 BLUR = 0.12  # metres from a seen point at which a point still fits fairly
 FREE = -0.5  # what a point counts that lies where beams passed
+UNSEEN = 0.05  # value of a cell up to which nothing was seen there
 CLEAR = 0.3  # metres round seen points that are not called free
 RAY = 0.15  # metres between places of a beam that are marked as free
 LEVER = 8.0  # metres: a turn moves points so far away by one cell
 SHARP = 60.0  # independent points that a score is the mean of, for the precision of a match
 PEAKS = 4  # places kept for alternatives
+MOST_PEAKS = 24  # of a search everywhere that are looked at more closely
+SLIPPED = 12.0  # nats that a pose pulls at most: what it comes from may have slipped
 FLOOR = np.array([0.05, 0.05, 0.01])  # standard deviations (m, m, rad) of a match at least
 
 
@@ -30,19 +33,23 @@ class Place(NamedTuple):
     corner: Floats  # (2,) metres, of the first cell
     fine: NDArray[np.float32]  # (height, width)
     coarse: NDArray[np.float32]  # the largest of COARSE x COARSE cells, each
+    rough: NDArray[np.float32]  # the largest of ROUGH x ROUGH cells, each
 
 
 def place_of(point: Floats, origin: Floats, reach: float) -> Place:
     """Return the place of points (n, 2) that were seen from origins (n, 2), metres; `reach`: of its frame's middle."""
-    n = COARSE * math.ceil(2.0 * reach / (CELL * COARSE))
+    n = ROUGH * math.ceil(2.0 * reach / (CELL * ROUGH))
     corner = np.full(2, -0.5 * n * CELL)
     steps = np.arange(0.0, 1.0, RAY / (2.0 * reach))
     passed = (origin[:, None] + (point - origin)[:, None] * steps[:, None]).reshape(-1, 2)
     free, seen = _marked(passed, corner, n), _marked(point, corner, n)
     distance = np.asarray(distance_transform_edt(~seen)) * CELL if seen.any() else np.full((n, n), reach)
     fine = np.where(free & (distance > CLEAR), FREE, np.exp(-0.5 * np.square(distance / BLUR))).astype(np.float32)
-    coarse = fine.reshape(n // COARSE, COARSE, n // COARSE, COARSE).max(axis=(1, 3))
-    return Place(corner, fine, np.ascontiguousarray(coarse))
+    coarse, rough = (
+        np.ascontiguousarray(fine.reshape(n // side, side, n // side, side).max(axis=(1, 3)))
+        for side in (COARSE, ROUGH)
+    )
+    return Place(corner, fine, coarse, rough)
 
 
 def _marked(xy: Floats, corner: Floats, n: int) -> NDArray[np.bool_]:
@@ -83,6 +90,36 @@ def search(
     return sorted(found, key=lambda way: -way[1]), spread
 
 
+def search_everywhere(place: Place, point: Floats, reach: float) -> tuple[list[tuple[Floats, float]], Floats]:
+    """Return the best ways to lay points (n, 2) on a place, as :func:`search`, at any turn; `reach`: shifts, metres."""
+    side = CELL * ROUGH
+    window = np.array([reach, reach, np.pi])
+    volume = _volume(place.rough, side, place.corner, point[::3], np.zeros(3), window, side / LEVER)
+    peaks = np.argwhere(volume.score == maximum_filter(volume.score, size=3, mode="nearest"))
+    peaks = peaks[np.argsort(-volume.score[tuple(peaks.T)], kind="stable")][:MOST_PEAKS]
+    narrow = np.array([side, side, side / LEVER])
+    found = [
+        search(place, point, np.array([volume.x[x], volume.y[y], volume.turn[turn]]), narrow) for turn, y, x in peaks
+    ]
+    ways, spread = max(found, key=lambda way: way[0][0][1])
+    best: list[tuple[Floats, float]] = []
+    for pose, score in sorted((way for each, _ in found for way in each[:1]), key=lambda way: -way[1]):
+        if all(np.abs(pose - other)[:2].max() > side or abs(pose[2] - other[2]) > 2.0 * narrow[2] for other, _ in best):
+            best.append((pose, score))
+    return best[:PEAKS] or ways, spread
+
+
+def fit(place: Place, point: Floats, pose: Floats) -> tuple[float, float]:
+    """Return how points (n, 2) lie on a place at a pose (3,): the share where something was seen, and their score."""
+    world = compose(np.broadcast_to(pose, (len(point), 3)), np.column_stack([point, np.zeros(len(point))]))[:, :2]
+    column, row = np.floor((world - place.corner) / CELL).astype(np.int64).T
+    height, width = place.fine.shape
+    inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
+    value = place.fine[row[inside], column[inside]]
+    known = value[np.abs(value) > UNSEEN]
+    return len(known) / max(len(point), 1), float(known.mean()) if len(known) else 0.0
+
+
 class _Volume(NamedTuple):
     score: Floats  # (n_turns, n_y, n_x)
     turn: Floats
@@ -110,7 +147,8 @@ def _cost(volume: _Volume, about: Floats, prior: Floats) -> Floats:
     """Return what the deviation from a pose takes off each score."""
     turn, y, x = np.meshgrid(volume.turn - about[2], volume.y - about[1], volume.x - about[0], indexing="ij")
     error = np.stack([x, y, turn], axis=-1)
-    return np.asarray(np.einsum("...i,ij,...j->...", error, prior, error)) * (0.5 / SHARP)
+    pull = 0.5 * np.asarray(np.einsum("...i,ij,...j->...", error, prior, error))
+    return np.asarray(np.minimum(pull, SLIPPED) / SHARP)
 
 
 def _moments(volume: _Volume, score: Floats) -> Floats:

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from prf.kernels.poses.state import SLIP_REACH
 from prf.poses.plane import Floats, compose, seen_from, wrapped
 from prf.readings import Readings
 from prf.shell.errors import InputError
@@ -24,17 +25,22 @@ SAME_TIME = 0.1
 STAND = np.array([1e-3, 1e-3, 1e-4])
 """Standard deviations (m, m, rad) that a step of the odometry has at least: of a robot that does not move."""
 
+SLIP = 0.01
+"""Probability that wheels slip in a step, or the robot is carried: the step then says next to nothing."""
+
 
 class PosePrior(NamedTuple):
     """Density of all poses: independent normal errors of given ones, normal errors of each step of the odometry.
 
-    A step's error is that of the next pose as the pose before it has it.
+    A step's error is that of the next pose as the pose before it has it. In a slip it is Cauchy's, of the plane, and
+    the turn is any.
     """
 
     given: Floats  # (n, 3)
     noise: Floats  # (2,) standard deviations, metres and radians; inf: odometry alone, and the first pose is held
     motion: Floats  # (n - 1, 3) measured step from each pose to the next, in the frame of the former; (0, 3): none
     spread: Floats  # (n - 1, 3) its standard deviations: ahead, to the side (m), turn (rad)
+    slip: float = SLIP  # probability that a step is one in which the robot slipped or was carried
 
     @property
     def is_held(self) -> bool:
@@ -49,16 +55,39 @@ class PosePrior(NamedTuple):
             total -= 0.5 * float((error[:, :2] ** 2).sum() / self.noise[0] ** 2)
             total -= 0.5 * float((wrapped(error[:, 2]) ** 2).sum() / self.noise[1] ** 2)
         if len(self.motion):
-            error = seen_from(poses[:-1], poses[1:]) - self.motion
-            error[:, 2] = wrapped(error[:, 2])
-            total -= 0.5 * float(((error / self.spread) ** 2).sum())
+            total += float(np.logaddexp(*self.step_terms(poses)).sum())
         return total
+
+    @property
+    def log_slip(self) -> Floats:
+        """Log densities (n - 1,) of slips of no size, in units of those of the normal errors at their means."""
+        with np.errstate(divide="ignore"):
+            odds = np.log(self.slip) - np.log1p(-self.slip)
+        return np.asarray(odds - 2.0 * np.log(SLIP_REACH) - 0.5 * np.log(2.0 * np.pi) + np.log(self.spread).sum(axis=1))
+
+    def step_terms(self, poses: Floats) -> tuple[Floats, Floats]:
+        """Return the log densities (..., n - 1) of the steps between poses (..., n, 3): as normal errors, as slips."""
+        error = seen_from(poses[..., :-1, :], poses[..., 1:, :]) - self.motion
+        error[..., 2] = wrapped(error[..., 2])
+        normal = -0.5 * ((error / self.spread) ** 2).sum(axis=-1)
+        return normal, self.log_slip - 1.5 * np.log1p((error[..., :2] ** 2).sum(axis=-1) / SLIP_REACH**2)
+
+    def slipped(self, poses: Floats) -> Floats:
+        """Return the probability (..., n - 1) that each step between poses (..., n, 3) is a slip."""
+        normal, slip = self.step_terms(poses)
+        return np.asarray(np.exp(slip - np.logaddexp(normal, slip)))
 
     def draw(self, rng: np.random.Generator, sign: float = 1.0) -> Floats:
         """Return poses (n, 3) of the prior of odometry alone, or of independent errors alone; -1: the opposite ones."""
         if not len(self.motion):
             return self.given + sign * rng.standard_normal(self.given.shape) * self.noise[[0, 0, 1]]
-        steps = self.motion + sign * self.spread * rng.standard_normal(self.motion.shape)
+        error = self.spread * rng.standard_normal(self.motion.shape)
+        if self.slip > 0.0:
+            slips = np.flatnonzero(rng.random(len(error)) < self.slip)
+            away = SLIP_REACH * np.sqrt(rng.random(len(slips)) ** -2.0 - 1.0)
+            angle, turn = rng.uniform(-np.pi, np.pi, (2, len(slips)))
+            error[slips] = np.column_stack([away * np.cos(angle), away * np.sin(angle), turn])
+        steps = self.motion + sign * error
         poses = [self.given[0]]
         for step in steps:
             poses.append(compose(poses[-1], step))
@@ -103,7 +132,8 @@ class PoseModel:
             for part in parts
         )
         driven, way = (None if part is None else part[kept] for part in (self.driven, self.way))
-        prior = PosePrior(self.prior.given[kept], self.prior.noise, *_steps(driven, self.odometry, way))
+        steps = _steps(driven, self.odometry, way)
+        prior = PosePrior(self.prior.given[kept], self.prior.noise, *steps, self.prior.slip)
         start, draw = self.start[kept], self.draw_start
 
         def drawn(rng: np.random.Generator, sign: float) -> Floats:

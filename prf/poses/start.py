@@ -14,8 +14,9 @@ from prf.poses.align import align, disturbed
 from prf.poses.errors import independence
 from prf.poses.follow import follow
 from prf.poses.graph import Pull, Relations, root_of
-from prf.poses.loops import LoopMatch, close_loops
+from prf.poses.loops import close_loops
 from prf.poses.model import PoseModel, PosePrior
+from prf.poses.pieces import LoopMatch
 from prf.poses.plane import Floats
 from prf.poses.scans import WallPoints, scans_of
 from prf.readings import Readings
@@ -24,6 +25,7 @@ logger = logging.getLogger(__name__)
 
 FAR = 5.0  # metres, a usual range: how far an error of the heading moves points
 HELD = 1e6  # one over the standard deviation, m or rad, of the first pose where it fixes the frame
+LEAST_HELD = 1e-10  # share of what holds a step that is left where it slipped
 LEFT = 0.1  # metres that points lie apart once loops are closed, about
 MOST_POINTS = 200_000  # more add little
 
@@ -78,8 +80,9 @@ def find_start(model: PoseModel, laser: Readings, noise: float) -> Start:
         return Start(prior.given.copy(), scans, pull, [])
     poses, loops, error = prior.given, list[LoopMatch](), float(prior.noise[0] + FAR * prior.noise[1])
     if prior.is_held:
-        followed, steps = follow(scans, prior)
-        poses, loops = close_loops(scans, followed, pull._replace(relations=steps))
+        followed = follow(scans, prior)
+        poses, loops = close_loops(scans, followed, pull)
+        pull = pull_of(prior, poses)
         n_used = sum(loop.is_used for loop in loops)
         logger.info(f"start trajectory: {n_used} closures of loops, {len(loops) - n_used} plausible ones left out")
         error = LEFT
@@ -90,11 +93,13 @@ def find_start(model: PoseModel, laser: Readings, noise: float) -> Start:
     return Start(poses, scans._replace(weight=share * scans.weight), pull, loops, share)
 
 
-def pull_of(prior: PosePrior) -> Pull:
-    """Return the density of the poses as errors in standard deviations."""
+def pull_of(prior: PosePrior, poses: Floats | None = None) -> Pull:
+    """Return the density of the poses as errors in standard deviations; steps that slipped at `poses` hold nothing."""
     n, steps = len(prior.given), np.arange(len(prior.motion))
     sharpness = np.zeros((n, 3)) if prior.is_held else np.tile(1.0 / prior.noise[[0, 0, 1]], (n, 1))
     if prior.is_held:
         sharpness[0] = HELD
     root = root_of(np.square(prior.spread)[:, :, None] * np.eye(3))
+    if poses is not None:
+        root *= np.sqrt(np.maximum(1.0 - prior.slipped(poses), LEAST_HELD))[:, None, None]
     return Pull(prior.given, sharpness, Relations(steps, steps + 1, prior.motion, root))

@@ -88,7 +88,8 @@ def load_pose_model(folder: Path) -> PoseModel:
     try:
         parts = [under(name, arrays) for name in ("laser.", "sonar.")]
         laser, sonar = (LocalReadings(**part) if part else None for part in parts)
-        prior = PosePrior(**under("prior.", arrays))
+        kept = under("prior.", arrays)
+        prior = PosePrior(*(kept[name] for name in PosePrior._fields[:-1]), slip=float(kept["slip"]))
         return PoseModel(prior, arrays["scan"], arrays["time"], arrays["start"], laser, sonar)
     except (KeyError, TypeError) as error:
         raise damaged(path, f"has no poses: {error}") from error

@@ -171,6 +171,7 @@ def make_poses(target: Target, model: PoseModel, chain: Chain) -> Poses:
         precision=1.0 / prior.noise**2,
         motion=prior.motion.copy(),
         weight=1.0 / prior.spread**2,
+        slip=prior.log_slip,
         spread=spread,
         beam_start=beam_start,
         beam_of=beam_of,

@@ -161,7 +161,7 @@ UNKNOWN = (np.inf, np.inf)
 def given_scans(
     scans: Scans, noise: Sequence[float] | None, odometry: Sequence[float] | None, rng: np.random.Generator
 ) -> Scans:
-    """Return scans at the poses that a robot would write down, drawn from the model that `prf sample` assumes.
+    """Return scans at the poses that a robot would write down, drawn from what `prf sample` assumes; wheels never slip.
 
     `noise`: standard deviations of independent errors, metres and radians. `odometry`: the four numbers of
     :data:`prf.configuration.ODOMETRY`; steps from scan to scan, each with its error, add up from the true first pose.
@@ -170,7 +170,7 @@ def given_scans(
     if odometry is not None:
         motion = seen_from(scans.pose[:-1], scans.pose[1:])
         steps = (motion, step_spread(motion, odometry))
-    prior = PosePrior(scans.pose, np.array(UNKNOWN if noise is None else noise, np.float64), *steps)
+    prior = PosePrior(scans.pose, np.array(UNKNOWN if noise is None else noise, np.float64), *steps, slip=0.0)
     return Scans.rounded(prior.draw(rng), scans.time)
 
 

@@ -43,6 +43,7 @@ class Rig(NamedTuple):
     n: int = 3
     noise: tuple[float, float] | None = (0.1, 0.1)
     odometry: tuple[float, ...] | None = None
+    slip: float = 0.0
     n_beams: int = 10  # a scan
     n_cones: int = 0
     sensor: Sensor = Sensor(2.2, noise=0.1, outlier=0.1, miss=0.05)
@@ -53,6 +54,7 @@ class Rig(NamedTuple):
 LASER = Rig()
 BOTH = Rig(n=2, n_beams=6, n_cones=4, odometry=(0.2, 0.1, 0.1, 0.1))
 DRIVEN = Rig(noise=None, odometry=(0.1, 0.05, 0.05, 0.05))
+SLIPPY = DRIVEN._replace(slip=0.3)
 BARE = Rig(n_beams=1, sensor=Sensor(1e-3), noise=(0.5, 0.3))
 """Its beams see nothing: all that is known of a pose is its prior, and that its sensor stands in white."""
 
@@ -88,9 +90,10 @@ def draw_poses(prior: PosePrior, rng: np.random.Generator) -> Floats:
     if prior.is_held or not len(prior.motion):
         return prior.draw(rng)
     errors, steps = prior._replace(motion=np.zeros((0, 3))), prior._replace(noise=np.full(2, np.inf))
+    most = np.logaddexp(0.0, prior.log_slip).sum()
     while True:
         poses = errors.draw(rng)
-        if np.log(rng.random()) < steps.log_density(poses):
+        if np.log(rng.random()) < steps.log_density(poses) - most:
             return poses
 
 
@@ -98,6 +101,7 @@ def draw_pose_world(rig: Rig, rng: np.random.Generator) -> PoseWorld:
     """Poses and a map of their priors until every sensor stands in white, then readings there."""
     silent = unread(rig, rig.n_beams) if rig.n_beams else None, unread(rig, rig.n_cones, 0.5) if rig.n_cones else None
     model = pose_model(*silent, rig.noise, rig.odometry)
+    model = dataclasses.replace(model, prior=model.prior._replace(slip=rig.slip))
     while True:
         truth = draw_poses(model.prior, rng)
         laser, sonar = model.placed(*silent, truth)

@@ -10,7 +10,7 @@ from prf.kernels import constants as c
 from prf.kernels._jit import Array, Rng, core, core_entry
 from prf.kernels.poses.change import BEYOND
 from prf.kernels.poses.moves import decide, first_free
-from prf.kernels.poses.state import Poses, first_edge, place_ray, turn_between
+from prf.kernels.poses.state import Poses, first_edge, log_error, log_slip, place_ray, turn_between
 from prf.kernels.readings.beams import Beams
 from prf.kernels.readings.laser import ROOT_TWO_PI
 from prf.kernels.state.chain import Chain
@@ -83,15 +83,19 @@ def add_priors(poses: Poses, work: Array, pose: Array, i: int) -> None:
 
 @core
 def add_step(poses: Poses, work: Array, before: Array, after: Array, k: int, is_before: bool) -> None:
-    """Add the step k of the odometry, as the pose before or the one after has it."""
+    """Add the step k of the odometry, as the pose before or the one after has it, as far as it is no slip."""
     cosine, sine = math.cos(before[2]), math.sin(before[2])
     x, y = after[0] - before[0], after[1] - before[1]
     ahead, aside = cosine * x + sine * y, cosine * y - sine * x
     sign, by_ahead, by_aside = (-1.0, aside, -ahead) if is_before else (1.0, 0.0, 0.0)
     motion, weight = poses.motion[k], poses.weight[k]
-    add_terms(work, sign * cosine, sign * sine, by_ahead, motion[0] - ahead, weight[0])
-    add_terms(work, -sign * sine, sign * cosine, by_aside, motion[1] - aside, weight[1])
-    add_terms(work, 0.0, 0.0, sign, -turn_between(before[2] + motion[2], after[2]), weight[2])
+    off_ahead, off_aside = ahead - motion[0], aside - motion[1]
+    off_turn = turn_between(before[2] + motion[2], after[2])
+    total = log_error(poses, k, off_ahead, off_aside, off_turn)
+    share = 1.0 - math.exp(log_slip(poses, k, off_ahead, off_aside) - total)
+    add_terms(work, sign * cosine, sign * sine, by_ahead, -off_ahead, share * weight[0])
+    add_terms(work, -sign * sine, sign * cosine, by_aside, -off_aside, share * weight[1])
+    add_terms(work, 0.0, 0.0, sign, -off_turn, share * weight[2])
 
 
 @core
