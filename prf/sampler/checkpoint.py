@@ -89,7 +89,7 @@ def load_pose_model(folder: Path) -> PoseModel:
         parts = [under(name, arrays) for name in ("laser.", "sonar.")]
         laser, sonar = (LocalReadings(**part) if part else None for part in parts)
         kept = under("prior.", arrays)
-        prior = PosePrior(*(kept[name] for name in PosePrior._fields[:-1]), slip=float(kept["slip"]))
+        prior = PosePrior(kept["given"], kept["noise"], kept["motion"], kept["spread"], float(kept["slip"]))
         return PoseModel(prior, arrays["scan"], arrays["time"], arrays["start"], laser, sonar)
     except (KeyError, TypeError) as error:
         raise damaged(path, f"has no poses: {error}") from error
