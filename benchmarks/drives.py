@@ -30,7 +30,12 @@ class Case(NamedTuple):
     odometry: str | None = None
 
 
-LONG = {"long": 0.6, "repeating": 0.2}  # by how much rings are larger than those of `loop`, 66 to 98 m
+LONG = {
+    "long": 0.6,
+    "repeating": 0.2,
+    "ambiguous": 0.6,
+}  # by how much rings are larger than those of `loop`, 66 to 98 m
+REPEATING = ("repeating", "ambiguous")  # rings that look the same every 4 m
 CARRIED = 11.0  # metres that a robot is carried, its wheels standing
 CASES = {
     "small": Case([0.05, 0.01]),
@@ -39,6 +44,7 @@ CASES = {
     "long": Case(odometry="wheels"),
     "carried": Case(odometry="wheels"),
     "repeating": Case(odometry="wheels"),
+    "ambiguous": Case(odometry="poor"),
     "real": Case([0.15, 0.03]),
 }
 
@@ -80,7 +86,7 @@ def ring(rng: np.random.Generator, larger: float, is_repeating: bool) -> tuple[s
 
 def loop_world(folder: Path, name: str, seed: int) -> tuple[Path, Path]:
     """Write a ring of corridors, and waypoints once round it and a bit; return both files."""
-    walls, way = ring(np.random.default_rng(seed), LONG.get(name, 0.0), name == "repeating")
+    walls, way = ring(np.random.default_rng(seed), LONG.get(name, 0.0), name in REPEATING)
     world, path = folder / "world.geojson", folder / "way.csv"
     folder.mkdir(parents=True, exist_ok=True)
     world.write_text(shapely.to_geojson(walls))

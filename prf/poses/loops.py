@@ -7,6 +7,9 @@ come first: each of them narrows the search for the others.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import NamedTuple
+
 import numpy as np
 from scipy.sparse.linalg import splu
 
@@ -14,7 +17,8 @@ from prf.poses.carried import doubtful, landings
 from prf.poses.follow import Followed
 from prf.poses.graph import Ints, Pull, Relations, derivatives, errors, root_of
 from prf.poses.match import search
-from prf.poses.pieces import OVERLAP, LoopMatch, Piece, cut
+from prf.poses.model import NO_CLOSURES, Closures
+from prf.poses.pieces import OVERLAP, LoopMatch, Piece, cut, gain
 from prf.poses.plane import Floats, compose, seen_from, wrapped
 from prf.poses.scans import WallPoints
 
@@ -28,11 +32,24 @@ PLAUSIBLE = 0.3  # score of one that is worth a try
 FAR_OFF = 16.0  # squared distance, in standard deviations, from the prediction and in the settled graph
 SOFT = 9.0  # the same from which a closure pulls less (dynamic covariance scaling, Agarwal et al. 2013)
 SETTLING = 15  # steps of Gauss and Newton
+CONTRARY, MOST_CONTRARY = 0.6, 20  # score of a closure left out that may be right instead, and how many are tried
+FORCE = 10.0  # times that it holds what it joins
+POINTS_WORTH = 30.0  # nats that a score of one piece is worth
+LEAST_ODDS, MOST_WAYS = -3.0, 4  # log odds of a way that is kept, and how many are
 BROKEN = 1e-3  # share of what holds a step that is left where the robot was carried
 
 
-def close_loops(scans: WallPoints, followed: Followed, chain: Pull) -> tuple[Floats, list[LoopMatch]]:
-    """Return poses (n, 3) with loops closed, and all plausible closures; `chain`: what else holds poses."""
+class Way(NamedTuple):
+    """A way that the robot may have gone."""
+
+    poses: Floats  # (n, 3)
+    loops: list[LoopMatch]  # plausible closures of loops, used or not
+    log_odds: float  # against the others found, about
+    apart: tuple[LoopMatch, ...] = ()  # the closure that sets it apart
+
+
+def close_loops(scans: WallPoints, followed: Followed, chain: Pull) -> list[Way]:
+    """Return the ways with loops closed, the most likely first; `chain`: what else holds poses."""
     steps = doubtful(followed.fits)
     pieces, chain = cut(scans, followed.poses, steps), chain._replace(relations=followed.steps)
     poses, found = _closed(pieces, followed.poses, chain, [])
@@ -41,7 +58,35 @@ def close_loops(scans: WallPoints, followed: Followed, chain: Pull) -> tuple[Flo
         chain.relations.root[step] *= BROKEN
         steps.remove(step)
         poses, found = _closed(pieces, ways[0].poses, chain, [match, *(each for each in found if not each.over(step))])
-    return poses, found
+    return _ways(pieces, chain, Way(poses, found, 0.0))
+
+
+def _ways(pieces: list[Piece], chain: Pull, first: Way) -> list[Way]:
+    """Return a way and others, in which a closure that it leaves out holds instead of those that contradict it."""
+    pairs = np.column_stack(np.triu_indices(len(pieces), APART))
+    left = [match for match in first.loops if match.score >= CONTRARY and not match.holds(first.poses)]
+    ways, tried = [first], list[Floats]()
+    for match in sorted(left, key=lambda match: -match.score)[:MOST_CONTRARY]:
+        if any(match.holds(poses) for poses in tried):
+            continue
+        poses, loops = _settled(first.poses, chain, first.loops, match)
+        tried.append(poses)
+        if match.holds(poses):
+            strain = [0.5 * float(np.square(errors(chain.relations, at)).sum()) for at in (first.poses, poses)]
+            odds = POINTS_WORTH * gain(pairs, pieces, first.poses, poses) - strain[1] + strain[0]
+            if odds > LEAST_ODDS:
+                ways.append(Way(poses, loops, odds, (match,)))
+    ways.sort(key=lambda way: -way.log_odds)
+    most = ways[0].log_odds
+    return [way._replace(log_odds=way.log_odds - most) for way in ways[:MOST_WAYS] if way.log_odds - most > LEAST_ODDS]
+
+
+def closures(matches: Sequence[LoopMatch]) -> Closures:
+    """Return matches as closures."""
+    if not matches:
+        return NO_CLOSURES
+    tail, head, pose, covariance = (np.array([match[k] for match in matches]) for k in range(4))
+    return Closures(tail, head, pose, covariance)
 
 
 def _closed(pieces: list[Piece], poses: Floats, chain: Pull, found: list[LoopMatch]) -> tuple[Floats, list[LoopMatch]]:
@@ -122,12 +167,21 @@ def _matches(tail: Piece, head: Piece, poses: Floats, window: Floats, spread: Fl
     return found
 
 
-def _settled(poses: Floats, chain: Pull, found: list[LoopMatch]) -> tuple[Floats, list[LoopMatch]]:
-    """Return the poses that fit the chain and the closures best, and the closures, used only if they fit."""
+def _settled(
+    poses: Floats, chain: Pull, found: list[LoopMatch], forced: LoopMatch | None = None
+) -> tuple[Floats, list[LoopMatch]]:
+    """Return the poses that fit the chain and the closures best, and the closures, used only if they fit.
+
+    `forced`: one of these that the others have to fit.
+    """
+    found = [match._replace(is_used=True) if match is forced else match for match in found]
     used = [match for match in found if match.is_used]
     if not used:
         return poses, found
-    loops, graph = _relations(used), _with(chain, found)
+    loops = _relations(used)
+    if forced is not None:
+        loops.root[[match.is_same(forced) for match in used]] *= FORCE
+    graph = chain._replace(relations=chain.relations.join(loops))
     ones = np.ones(len(chain.relations.tail))
     for _ in range(SETTLING):
         misfit = np.square(errors(loops, poses)).sum(axis=1)

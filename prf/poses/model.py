@@ -29,6 +29,10 @@ SLIP = 0.01
 """Probability that wheels slip in a step, or the robot is carried: the step then says next to nothing."""
 
 
+HELD = 16.0
+"""Squared distance, in standard deviations, up to which a closure holds."""
+
+
 class PosePrior(NamedTuple):
     """Density of all poses: independent normal errors of given ones, normal errors of each step of the odometry.
 
@@ -94,6 +98,24 @@ class PosePrior(NamedTuple):
         return np.array(poses)
 
 
+class Closures(NamedTuple):
+    """Loops that close or not: poses of states in the frames of earlier ones."""
+
+    tail: NDArray[np.int64]  # (k,) earlier state
+    head: NDArray[np.int64]  # (k,) later state
+    pose: Floats  # (k, 3) of the later in the frame of the earlier: m, m, rad
+    covariance: Floats  # (k, 3, 3)
+
+    def hold(self, poses: Floats) -> NDArray[np.bool_]:
+        """Return which hold (..., k) at poses (..., n, 3), within their covariances."""
+        error = seen_from(poses[..., self.tail, :], poses[..., self.head, :]) - self.pose
+        error[..., 2] = wrapped(error[..., 2])
+        return np.asarray(np.einsum("...ki,kij,...kj->...k", error, np.linalg.inv(self.covariance), error) < HELD)
+
+
+NO_CLOSURES = Closures(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 3, 3)))
+
+
 class LocalReadings(NamedTuple):
     """Readings of one sensor in the frames of the given poses of their states."""
 
@@ -117,11 +139,20 @@ class PoseModel:
     start: Floats  # (n, 3) where scans agree
     laser: LocalReadings | None = None
     sonar: LocalReadings | None = None
-    # Draws (n, 3) of where chains start, round `start`, or with -1 the opposite ones; None: there
-    draw_start: Callable[[np.random.Generator, float], Floats] | None = None
+    # Draws (n, 3) of where chains start, round `start` (:meth:`prf.poses.start.Start.draw`); None: there
+    draw_start: Callable[[np.random.Generator, float, float], Floats] | None = None
     driven: Floats | None = None  # (n, 3) poses whose steps the odometry measured
     way: Floats | None = None  # (n, 2) metres driven and radians turned up to each state, along the whole log
     odometry: Sequence[float] | None = None  # its four numbers (:data:`prf.configuration.ODOMETRY`)
+    disputed: Closures = NO_CLOSURES  # of which it is open whether they hold
+
+    def scaled(self, place: float, turn: float) -> PoseModel:
+        """Return the model with odometry that errs so many times as far, and turns so many times as far off."""
+        assert self.odometry is not None
+        a, b, c, d = self.odometry
+        odometry = (turn * a, turn * b, place * c, place * d)
+        motion, spread = _steps(self.driven, odometry, self.way)
+        return dataclasses.replace(self, odometry=odometry, prior=self.prior._replace(motion=motion, spread=spread))
 
     def used(self, rows: NDArray[np.int64], cone_rows: NDArray[np.int64]) -> PoseModel:
         """Return the model of these readings of laser and sonar; states without a reading are left out."""
@@ -136,13 +167,17 @@ class PoseModel:
         prior = PosePrior(self.prior.given[kept], self.prior.noise, *steps, self.prior.slip)
         start, draw = self.start[kept], self.draw_start
 
-        def drawn(rng: np.random.Generator, sign: float) -> Floats:
-            found: Floats = start.copy() if draw is None else draw(rng, sign)[kept]
+        def drawn(rng: np.random.Generator, sign: float, way: float) -> Floats:
+            found: Floats = start.copy() if draw is None else draw(rng, sign, way)[kept]
             if prior.is_held:
                 found[0] = start[0]
             return found
 
-        return PoseModel(prior, self.scan[kept], self.time[kept], start, laser, sonar, drawn)
+        tail, head, *rest = self.disputed
+        stays = np.isin(tail, kept) & np.isin(head, kept)
+        tail, head = (np.searchsorted(kept, each[stays]) for each in (tail, head))
+        disputed = Closures(tail, head, *(each[stays] for each in rest))
+        return PoseModel(prior, self.scan[kept], self.time[kept], start, laser, sonar, drawn, disputed=disputed)
 
     def placed(self, laser: Readings | None, sonar: Readings | None, poses: Floats) -> list[Readings | None]:
         """Return readings of a laser and a sonar, those of this model, as they are with the states at `poses`."""

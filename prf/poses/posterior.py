@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtrit
 
+from prf.poses.model import NO_CLOSURES, Closures, PosePrior
 from prf.poses.plane import Floats, compose, in_words, length_in_words, seen_from, wrapped
 from prf.readings import Readings
 
@@ -20,6 +21,8 @@ NORMAL_975 = 1.959963984540054
 """Quantile 0.975 of the normal distribution."""
 APART, LEAST_APART = 2.0, 0.03
 """Chains disagree on a place if their means lie so many times as far apart as the draws of each, and so many metres."""
+MOST_NAMED = 3
+"""Steps in which the robot slipped, in words."""
 FEW = 0.05
 """Share of the poses on which they may."""
 
@@ -76,6 +79,10 @@ class Trajectory:
         Number of the pose of each reading of the run; None where there are none of the kind.
     chain : (n_draws,) int32 or None
         Chain of each draw; None: not known, so that nothing is said of whether chains agree.
+    prior : PosePrior or None
+        What was known of the poses; None: not known, so that nothing is said of steps in which the robot slipped.
+    disputed : Closures
+        Loops of which it was open whether they close when chains were started.
     """
 
     scan: NDArray[np.int64]
@@ -85,6 +92,8 @@ class Trajectory:
     laser: NDArray[np.int32] | None = None
     sonar: NDArray[np.int32] | None = None
     chain: NDArray[np.int32] | None = None
+    prior: PosePrior | None = None
+    disputed: Closures = NO_CLOSURES
 
     @cached_property
     def correction(self) -> Floats:
@@ -142,10 +151,54 @@ class Trajectory:
         """Standard deviation of each pose (n, 3), see :attr:`covariance`: metres, metres, radians."""
         return np.sqrt(np.diagonal(self.covariance, axis1=1, axis2=2))
 
+    @cached_property
+    def slips(self) -> Floats:
+        """Probability (n - 1,) that the robot slipped or was carried, by steps from each pose to the next."""
+        if self.prior is None or not len(self.prior.motion) or not len(self.draws):
+            return np.zeros(max(len(self.given) - 1, 0))
+        return np.asarray(np.mean([self.prior.slipped(self.given + draw) for draw in self.draws], axis=0))
+
+    @cached_property
+    def closed(self) -> Floats:
+        """Probability (k,) of each disputed closure: the share of draws whose poses it holds at."""
+        if not len(self.disputed.tail) or not len(self.draws):
+            return np.zeros(len(self.disputed.tail))
+        return np.asarray(np.mean([self.disputed.hold(self.given + draw) for draw in self.draws], axis=0))
+
+    def slips_in_words(self) -> str:
+        """Return where the robot slipped or was carried, how far, and with what probability; empty where nowhere."""
+        found = np.flatnonzero(self.slips > 0.5)
+        if self.prior is None or not len(found):
+            return ""
+        off = seen_from(self.mean[found], self.mean[found + 1]) - self.prior.motion[found]
+        off[:, 2] = wrapped(off[:, 2])
+        size = np.hypot(off[:, 0], off[:, 1])
+        parts = []
+        for k in np.argsort(-size)[:MOST_NAMED]:
+            step = found[k]
+            when = "" if math.isnan(self.time[step]) else f" (t {self.time[step]:.1f} s)"
+            by = in_words(float(size[k]), float(abs(off[k, 2])))
+            parts.append(f"after scan {self.scan[step]}{when} by {by}, probability {self.slips[step]:.2f}")
+        more = f", and {len(found) - len(parts)} more" if len(found) > len(parts) else ""
+        return f"slipped or was carried {'; '.join(parts)}{more}"
+
+    def closures_in_words(self) -> str:
+        """Return which loops it is open of whether they close, and the probability of each; empty where none."""
+        place = self.mean[self.disputed.tail, :2].tolist() if len(self.disputed.tail) else []
+        return "; ".join(
+            f"whether scans {self.scan[tail]} and {self.scan[head]} saw the same place, ({x:.1f}, {y:.1f}): "
+            f"probability {share:.2f}"
+            for head, tail, (x, y), share in zip(
+                self.disputed.head, self.disputed.tail, place, self.closed, strict=True
+            )
+        )
+
     def dispute(self) -> str:
-        """Return in words where the chains do not agree on the poses; empty where they do."""
+        """Return in words where the poses are not settled: loops, chains that do not agree; empty where they are."""
         if not len(self.draws):
             return ""
+        if len(self.disputed.tail):
+            return self.closures_in_words()
         within, between, _ = Spread.of(self._error, self._chains)
         inside, apart = (np.sqrt(each[:, 0, 0] + each[:, 1, 1]) for each in (within, between))
         differs = apart > np.maximum(APART * inside, LEAST_APART)
@@ -188,7 +241,9 @@ class Trajectory:
         if not len(self.draws) or self.chain is None:
             return corrected
         dispute = self.dispute()
-        return corrected + (f"; not settled: {dispute}" if dispute else f", known to {in_words(*known)}")
+        settled = f"; not settled: {dispute}" if dispute else f", known to {in_words(*known)}"
+        slips = self.slips_in_words()
+        return corrected + settled + (f"; the robot {slips}" if slips else "")
 
 
 def pose_functionals(poses: Floats, given: Floats) -> dict[str, Floats]:

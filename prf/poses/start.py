@@ -5,6 +5,7 @@ Given poses are aligned as they are. Odometry is first corrected on the way, the
 
 from __future__ import annotations
 
+import dataclasses
 import logging
 from typing import NamedTuple
 
@@ -14,7 +15,7 @@ from prf.poses.align import align, disturbed
 from prf.poses.errors import independence
 from prf.poses.follow import follow
 from prf.poses.graph import Pull, Relations, root_of
-from prf.poses.loops import close_loops
+from prf.poses.loops import Way, close_loops, closures
 from prf.poses.model import PoseModel, PosePrior
 from prf.poses.pieces import LoopMatch
 from prf.poses.plane import Floats
@@ -26,26 +27,45 @@ logger = logging.getLogger(__name__)
 FAR = 5.0  # metres, a usual range: how far an error of the heading moves points
 HELD = 1e6  # one over the standard deviation, m or rad, of the first pose where it fixes the frame
 LEAST_HELD = 1e-10  # share of what holds a step that is left where it slipped
+LEAST_SCALE = 1.3  # times that odometry errs more than was said, from which it is taken to
 LEFT = 0.1  # metres that points lie apart once loops are closed, about
 MOST_POINTS = 200_000  # more add little
 
 
-class Start(NamedTuple):
-    """Poses at which scans agree, what they are drawn round by, and where else the robot may have been."""
+class Agreed(NamedTuple):
+    """Poses at which scans agree, one way that the robot may have gone."""
 
     poses: Floats  # (n, 3)
+    pull: Pull  # what holds them besides scans
+    share: float  # its probability, about
+
+
+class Start(NamedTuple):
+    """Where chains start: at draws about each of the ways that the robot may have gone."""
+
+    model: PoseModel  # starts at the likeliest way; its odometry errs as scans show
     scans: WallPoints
-    pull: Pull
-    loops: list[LoopMatch]  # of odometry: plausible closures, used or not
+    ways: list[Agreed]  # the likeliest first
+    loops: list[LoopMatch]  # of odometry: plausible closures, used on that or not
     independence: float = 1.0  # independent readings of the model that a beam is worth
 
-    def draw(self, rng: np.random.Generator, sign: float = 1.0) -> Floats:
-        """Return poses (n, 3), about a draw of their posterior, so that chains start apart; -1: the opposite one."""
+    @property
+    def poses(self) -> Floats:
+        """Return the poses (n, 3) of the likeliest way."""
+        return self.ways[0].poses
+
+    def draw(self, rng: np.random.Generator, sign: float = 1.0, way: float = 0.0) -> Floats:
+        """Return poses (n, 3), about a draw of their posterior, so that chains start apart; sign -1: the opposite one.
+
+        `way`: a number from 0 to 1; ways have parts of it by their probabilities.
+        """
+        parts = np.cumsum([each.share for each in self.ways])
+        poses, pull, _ = self.ways[min(int(np.searchsorted(parts, way, side="right")), len(parts) - 1)]
         if not len(self.scans.owner):
-            return self.poses.copy()
-        found = disturbed(self.scans, self.poses, self.pull, rng, sign)
-        is_held = self.pull.sharpness[0] >= HELD
-        found[0, is_held] = self.poses[0, is_held]
+            return poses.copy()
+        found = disturbed(self.scans, poses, pull, rng, sign)
+        is_held = pull.sharpness[0] >= HELD
+        found[0, is_held] = poses[0, is_held]
         return found
 
 
@@ -74,23 +94,42 @@ def find_trajectory(model: PoseModel, laser: Readings, noise: float, rng: np.ran
 
 def find_start(model: PoseModel, laser: Readings, noise: float) -> Start:
     """Return poses at which scans agree, arguments as of :func:`find_trajectory`; always the same for the same."""
-    prior, pull = model.prior, pull_of(model.prior)
-    scans = scans_of(model, laser, noise)
+    scans, given = scans_of(model, laser, noise), model.prior.given
     if not len(scans.owner):
-        return Start(prior.given.copy(), scans, pull, [])
-    poses, loops, error = prior.given, list[LoopMatch](), float(prior.noise[0] + FAR * prior.noise[1])
-    if prior.is_held:
-        followed = follow(scans, prior)
-        poses, loops = close_loops(scans, followed, pull)
-        pull = pull_of(prior, poses)
-        n_used = sum(loop.is_used for loop in loops)
-        logger.info(f"start trajectory: {n_used} closures of loops, {len(loops) - n_used} plausible ones left out")
-        error = LEFT
+        return Start(model, scans, [Agreed(given.copy(), pull_of(model.prior), 1.0)], [])
+    ways, error = [Way(given, [], 0.0)], float(model.prior.noise[0] + FAR * model.prior.noise[1])
+    if model.prior.is_held:
+        followed = follow(scans, model.prior)
+        model = _as_it_errs(model, followed.scale)
+        ways, error = close_loops(scans, followed, pull_of(model.prior)), LEFT
+        n_used = sum(loop.is_used for loop in ways[0].loops)
+        left = len(ways[0].loops) - n_used
+        logger.info(f"start trajectory: {n_used} closures of loops, {left} plausible ones left out")
     whole = scans
     scans = scans.select(np.arange(len(scans.owner)) % (1 + len(scans.owner) // MOST_POINTS) == 0)
-    poses = align(scans, poses, pull, error, np.random.default_rng(0))
-    share = independence(whole, poses)
-    return Start(poses, scans._replace(weight=share * scans.weight), pull, loops, share)
+    odds = np.exp([way.log_odds for way in ways])
+    agreed = []
+    for way, share in zip(ways, (odds / odds.sum()).tolist(), strict=True):
+        pull = pull_of(model.prior, way.poses if model.prior.is_held else None)
+        agreed.append(Agreed(align(scans, way.poses, pull, error, np.random.default_rng(0)), pull, share))
+    weight = independence(whole, agreed[0].poses)
+    scans = scans._replace(weight=weight * scans.weight)
+    found = Start(model, scans, agreed, ways[0].loops, weight)
+    disputed = closures([match for way in ways for match in way.apart] if len(ways) > 1 else [])
+    model = dataclasses.replace(model, start=found.poses, draw_start=found.draw, disputed=disputed)
+    return found._replace(model=model)
+
+
+def _as_it_errs(model: PoseModel, scale: Floats) -> PoseModel:
+    """Return a model whose odometry errs as many times more, places and turns (2,), as scans show."""
+    if scale.max() < LEAST_SCALE:
+        return model
+    found = model.scaled(*scale.tolist())
+    logger.warning(
+        f"odometry errs {scale[0]:.2g} times as far and turns {scale[1]:.2g} times as far off as was said: taken so. "
+        f"trajectory.odometry_noise: {', '.join(f'{value:.3g}' for value in found.odometry or ())}"
+    )
+    return found
 
 
 def pull_of(prior: PosePrior, poses: Floats | None = None) -> Pull:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from prf.model.coloring import Coloring, Draws
 from prf.model.sensors import LARGEST_COORDINATE
 from prf.model.window import Window
+from prf.poses.model import NO_CLOSURES, Closures, PosePrior
 from prf.poses.posterior import Trajectory
 from prf.readings import PointTable, Readings
 from prf.readings.counts import BeamCounts
@@ -191,17 +192,44 @@ def read_trajectory(path: Path) -> Trajectory:
     arrays = load_arrays(path, names.SCHEMAS[names.POSES])
     scan = take_array(path, arrays, "scan", np.int64, (None,))
     n = len(scan)
-    owners = (_take_owners(path, arrays, f"pose_of_{kind}", n) for kind in ("laser", "sonar"))
+    laser, sonar = (_take_owners(path, arrays, f"pose_of_{kind}", n) for kind in ("laser", "sonar"))
+    given = take_array(path, arrays, "given", np.float64, (n, 3))
     found = Trajectory(
         scan,
         take_array(path, arrays, "time", np.float64, (n,)),
-        take_array(path, arrays, "given", np.float64, (n, 3)),
+        given,
         take_array(path, arrays, "draws", np.float32, (None, n, 3)),
-        *owners,
+        laser,
+        sonar,
+        prior=_take_prior(path, arrays, given),
+        disputed=_take_closures(path, arrays, n),
     )
     if not (np.isfinite(found.given).all() and np.isfinite(found.draws).all()):
         raise damaged(path, "a pose has a value that is not finite")
     return found
+
+
+def _take_prior(path: Path, arrays: dict[str, NDArray[Any]], given: NDArray[np.float64]) -> PosePrior | None:
+    """Return what was known of the poses; None in files that do not have it."""
+    if "slip" not in arrays:
+        return None
+    motion = take_array(path, arrays, "motion", np.float64, (None, 3))
+    spread = take_array(path, arrays, "spread", np.float64, (len(motion), 3))
+    noise = take_array(path, arrays, "noise", np.float64, (2,))
+    return PosePrior(given, noise, motion, spread, float(take_array(path, arrays, "slip", np.float64, ())))
+
+
+def _take_closures(path: Path, arrays: dict[str, NDArray[Any]], n: int) -> Closures:
+    """Return the loops in dispute; none in files that do not have them."""
+    if names.LOOP_PREFIX + "tail" not in arrays:
+        return NO_CLOSURES
+    tail = take_array(path, arrays, names.LOOP_PREFIX + "tail", np.int64, (None,))
+    k = len(tail)
+    head = take_array(path, arrays, names.LOOP_PREFIX + "head", np.int64, (k,))
+    if k and not (min(tail.min(), head.min()) >= 0 and max(tail.max(), head.max()) < n):
+        raise damaged(path, "a loop has a number that is not one of the poses")
+    pose = take_array(path, arrays, names.LOOP_PREFIX + "pose", np.float64, (k, 3))
+    return Closures(tail, head, pose, take_array(path, arrays, names.LOOP_PREFIX + "covariance", np.float64, (k, 3, 3)))
 
 
 def _take_owners(path: Path, arrays: dict[str, NDArray[Any]], name: str, n: int) -> NDArray[np.int32] | None:

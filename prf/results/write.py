@@ -169,6 +169,9 @@ def write_trajectory(folder: Path, found: Trajectory) -> None:
     for kind, owner in (("laser", found.laser), ("sonar", found.sonar)):
         if owner is not None:
             arrays[f"pose_of_{kind}"] = owner.astype(np.int32)
+    if found.prior is not None:
+        arrays |= {name: np.asarray(value) for name, value in found.prior._asdict().items() if name != "given"}
+    arrays |= {names.LOOP_PREFIX + name: value for name, value in found.disputed._asdict().items()}
     save_arrays(folder / names.POSES, names.SCHEMAS[names.POSES], arrays)
     if len(found.draws):
         with atomic_write(folder / names.TRAJECTORY) as stream:

@@ -23,7 +23,7 @@ from prf.kernels.state.image import count_edges, settle_all
 from prf.model.coloring import Coloring, Draws
 from prf.model.layout import read_coloring
 from prf.output.run import Run
-from prf.poses.model import LocalReadings, PoseModel, PosePrior
+from prf.poses.model import Closures, LocalReadings, PoseModel, PosePrior
 from prf.results import PosteriorImage, names
 from prf.results.convergence import outlook, verdict
 from prf.sampler.chain import ChainRun, Draw
@@ -75,7 +75,7 @@ def load_checkpoint(folder: Path, ensemble: Ensemble, identity: str) -> None:
 def model_arrays(model: PoseModel) -> Arrays:
     """Return which poses are uncertain, their prior and their readings."""
     arrays: Arrays = {"scan": model.scan, "time": model.time, "start": model.start}
-    arrays |= prefixed("prior.", model.prior._asdict())
+    arrays |= prefixed("prior.", model.prior._asdict()) | prefixed("disputed.", model.disputed._asdict())
     for name, part in (("laser.", model.laser), ("sonar.", model.sonar)):
         arrays |= {} if part is None else prefixed(name, part._asdict())
     return arrays
@@ -90,7 +90,8 @@ def load_pose_model(folder: Path) -> PoseModel:
         laser, sonar = (LocalReadings(**part) if part else None for part in parts)
         kept = under("prior.", arrays)
         prior = PosePrior(kept["given"], kept["noise"], kept["motion"], kept["spread"], float(kept["slip"]))
-        return PoseModel(prior, arrays["scan"], arrays["time"], arrays["start"], laser, sonar)
+        disputed = Closures(**under("disputed.", arrays))
+        return PoseModel(prior, arrays["scan"], arrays["time"], arrays["start"], laser, sonar, disputed=disputed)
     except (KeyError, TypeError) as error:
         raise damaged(path, f"has no poses: {error}") from error
 

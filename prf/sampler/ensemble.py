@@ -208,7 +208,10 @@ class Ensemble:
         flat = [draw.poses for draws in recorded for draw in draws]
         offsets = np.array(flat, np.float32).reshape(len(flat), len(model.scan), 3)
         laser, sonar = (None if part is None else part.owner for part in (model.laser, model.sonar))
-        return Trajectory(model.scan, model.time, model.prior.given, offsets, laser, sonar, _chains_of(recorded))
+        known = (model.prior, model.disputed)
+        return Trajectory(
+            model.scan, model.time, model.prior.given, offsets, laser, sonar, _chains_of(recorded), *known
+        )
 
     def sample(self) -> Sample:
         """Return the draws of all chains after burn-in."""

@@ -141,14 +141,15 @@ def start_apart(turns: Sequence[PoseTurns], generators: Sequence[np.random.Gener
     """Have the chains of a target start at draws of their poses, about, in pairs that are disturbed in opposite ways.
 
     They start apart as the posterior is wide, and the mean of all is about where scans agree best: a chain leaves its
-    start but slowly.
+    start but slowly. Where there are several ways that the robot may have gone, pairs share these.
     """
     seed = 0
     for k, (each, rng) in enumerate(zip(turns, generators, strict=False)):
         model = each.target.poses
         if model is not None and model.draw_start is not None:
             seed = int(rng.integers(2**62)) if k % 2 == 0 else seed
-            each.first = model.draw_start(np.random.default_rng(seed), 1.0 if k % 2 == 0 else -1.0)
+            way = (k // 2 + 0.5) / math.ceil(0.5 * len(turns))
+            each.first = model.draw_start(np.random.default_rng(seed), 1.0 if k % 2 == 0 else -1.0, way)
 
 
 def make_poses(target: Target, model: PoseModel, chain: Chain) -> Poses:

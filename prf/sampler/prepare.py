@@ -192,6 +192,7 @@ def prepare(
         config = config.replace(
             beam_weight=config.laser.beam_weight or weight,
             pose_noise=whole.prior.noise.tolist() if is_given else None,
+            odometry_noise=whole.odometry,
         )
         beams, cones = whole.placed(beams, cones, whole.start)
         driven = [part for part in (beams, cones) if part is not None]
@@ -315,9 +316,10 @@ def _started(config: Configuration, beams: Readings | None, cones: Readings | No
     noise = pose_noise(config.trajectory.pose_noise, beams, config.laser.noise)
     found = pose_model(beams, cones, noise, config.trajectory.step_noise)
     if beams is None:
-        return (found if len(found.prior.motion) else dataclasses.replace(found, draw_start=found.prior.draw)), 1.0
+        draw = None if len(found.prior.motion) else lambda rng, sign, way: found.prior.draw(rng, sign)
+        return dataclasses.replace(found, draw_start=draw), 1.0
     start = find_start(found, beams, config.laser.noise)
-    return dataclasses.replace(found, start=start.poses, draw_start=start.draw), min(1.0, start.independence)
+    return start.model, min(1.0, start.independence)
 
 
 def ladder_plan(config: Configuration) -> LadderPlan:

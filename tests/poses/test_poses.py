@@ -11,9 +11,10 @@ import scipy.stats
 from prf.configuration import ODOMETRY, Configuration
 from prf.poses.given import given_errors, pose_noise
 from prf.poses.graph import Pull, Relations, errors, root_of
-from prf.poses.loops import LoopMatch, _settled
+from prf.poses.loops import _settled
 from prf.poses.match import place_of, search
 from prf.poses.model import pose_model
+from prf.poses.pieces import LoopMatch
 from prf.poses.plane import compose, seen_from, wrapped
 from prf.poses.posterior import Trajectory, pose_functionals
 from prf.poses.start import find_start, find_trajectory
@@ -62,7 +63,7 @@ def test_chains_start_as_all_readings_have_it_however_few_are_used():
     target = prepare(config, readings_at(ROOM, TRUTH, given)).target
     assert target.laser.readings.n_beams < 15 * len(TRUTH)
     model = target.poses
-    drawn = [model.draw_start(np.random.default_rng(seed), 1.0) for seed in (1, 2)]
+    drawn = [model.draw_start(np.random.default_rng(seed), 1.0, 0.0) for seed in (1, 2)]
     assert max(off(poses, TRUTH[model.scan]) for poses in drawn) < off(given, TRUTH) / 3.0
     assert off(*drawn) > 0.002
 
@@ -249,7 +250,7 @@ def test_what_is_left_keeps_its_frames_whatever_is_thinned_away() -> None:
         np.testing.assert_allclose(local.at(used.start)[0], part.origin[chosen], atol=1e-12)
     assert len(used.start) == len(np.unique(np.concatenate([used.laser.owner, used.sonar.owner])))  # type: ignore[union-attr]
     assert used.draw_start is not None
-    np.testing.assert_array_equal(used.draw_start(np.random.default_rng(1), 1.0), used.start)
+    np.testing.assert_array_equal(used.draw_start(np.random.default_rng(1), 1.0, 0.0), used.start)
 
 
 def test_odometry_needs_headings() -> None:

@@ -152,6 +152,20 @@ def test_headings_are_in_the_unit_that_the_way_follows(ahead, is_wrapped, tmp_pa
     assert turned.layout == "x y theta, headings in degrees, which the way follows"
 
 
+def test_rows_that_hang_together_by_chance_alone_are_steps(tmp_path):
+    heading = np.cumsum(np.tile([0.5, 0.5, 0.0, 0.0, 0.0, -0.4], 10))
+    ahead = np.tile([0.0, 0.01, 1.0, 0.9, 0.3, 0.0], 10)
+    moved = np.column_stack([ahead * np.cos(heading), ahead * np.sin(heading)])
+    way = np.column_stack([np.cumsum(moved, axis=0), heading])
+    steps = np.column_stack([ahead, np.zeros(60), np.diff(heading, prepend=0.0)])
+    # A step is in the frame of the pose before it: here the robot turns first, then drives.
+    turned = np.diff(heading, prepend=0.0)
+    steps[:, :2] = np.column_stack([ahead * np.cos(turned), ahead * np.sin(turned)])
+    found, plain = (read_pose_file(written(tmp_path, rows(values))) for values in (steps, way))
+    np.testing.assert_allclose(found.poses[:, :2, 3], way[:, :2] - way[0, :2] + steps[0, :2], atol=1e-6)
+    assert (found.layout, plain.layout) == ("x y theta, rows taken as steps", "x y theta")
+
+
 def test_headings_that_the_way_says_nothing_of_are_refused_beyond_two_turns(tmp_path):
     still = driven()
     still[:, :2] = 0.0

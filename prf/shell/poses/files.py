@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from prf.shell.cli.files import STREAM, gunzip, open_input
 from prf.shell.errors import InputError
-from prf.shell.poses.headings import in_radians, refuse_wide
+from prf.shell.poses.headings import added_up, in_radians, refuse_wide
 
 Floats = NDArray[np.float64]
 Order = Literal["xyzw", "wxyz"]
@@ -107,8 +107,9 @@ def read_pose_file(path: str, quaternion: Order | None = None, key: str = "quate
     layout = "g2o" if rows.is_g2o else names.get(width, f"rows of {width}")
     if is_planar:
         zero = np.zeros((len(values), 2))
+        values, are_steps = added_up(values)
         heading, unit = in_radians(values[:, :2], values[:, 2], where)
-        layout += unit
+        layout += are_steps + unit
         poses = _of_angles(np.column_stack([values[:, :2], zero[:, 0]]), np.column_stack([heading, zero]))
     elif values.shape[1] == 7:
         poses = _of_quaternions(values, where, path, quaternion, key)
