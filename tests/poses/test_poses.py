@@ -9,15 +9,18 @@ import pytest
 import scipy.stats
 
 from prf.configuration import ODOMETRY, Configuration
+from prf.poses.carried import doubtful
+from prf.poses.follow import follow
 from prf.poses.given import given_errors, pose_noise
 from prf.poses.graph import Pull, Relations, errors, root_of
-from prf.poses.loops import _settled
+from prf.poses.loops import _settled, close_loops
 from prf.poses.match import place_of, search
-from prf.poses.model import pose_model
-from prf.poses.pieces import LoopMatch
+from prf.poses.model import Closures, PosePrior, pose_model
+from prf.poses.pieces import LoopMatch, cut, gain
 from prf.poses.plane import compose, seen_from, wrapped
 from prf.poses.posterior import Trajectory, pose_functionals
-from prf.poses.start import find_start, find_trajectory
+from prf.poses.scans import scans_of
+from prf.poses.start import find_start, find_trajectory, pull_of
 from prf.readings import Readings
 from prf.sampler.ensemble import Ensemble
 from prf.sampler.prepare import prepare
@@ -180,6 +183,71 @@ def test_a_wrong_loop_is_left_out_and_does_not_fold_the_map():
     poses, found = _settled(np.array(drifting), chain, [*right, wrong])
     assert [match.is_used for match in found] == [True, True, True, False]
     assert off(poses, truth) < 0.6 * off(np.array(drifting), truth)
+
+
+def carried(truth, first, last):
+    """Return true poses without those from `first` to `last`, and where wheels that stood still take them to be."""
+    given = truth.copy()
+    given[last:] = compose(truth[[first - 1]], seen_from(truth[[last]], truth[last:]))
+    kept = np.delete(np.arange(len(truth)), np.arange(first, last))
+    return truth[kept], given[kept]
+
+
+def test_a_carried_robot_is_found_where_it_was_put_down():
+    truth, given = carried(round_the_block(), 30, 46)
+    readings = readings_at(BLOCK, truth, given)
+    start = find_start(pose_model(readings, None, None, ODOMETRY["wheels"]), readings, 0.03)
+    assert off(given, truth) > 3.0
+    assert off(start.poses, truth) < 0.15
+    slipped = start.model.prior.slipped(start.poses)
+    assert slipped[29] > 0.99
+    assert np.delete(slipped, 29).max() < 0.5
+
+
+def test_a_step_is_doubtful_whose_scan_fits_far_worse_than_others():
+    fits = 0.9 + 0.02 * np.random.default_rng(1).standard_normal(60)
+    assert doubtful(fits) == []
+    assert doubtful(np.where(np.arange(60) == 7, 0.4, fits)) == [7]
+    assert doubtful(np.full(5, np.nan)) == []
+
+
+def _scans_round_the_block(kind, given=None):
+    truth = round_the_block()
+    prior = odometry_of(truth, kind)
+    readings = readings_at(BLOCK, truth, prior.draw(np.random.default_rng(4)) if given is None else given)
+    model = pose_model(readings, None, None, ODOMETRY[kind])
+    return scans_of(model, readings, 0.03), model.prior
+
+
+def test_odometry_errs_as_scans_show_where_that_is_more_than_was_said(caplog):
+    truth = round_the_block()
+    drawn = odometry_of(truth, "poor")._replace(slip=0.0).draw(np.random.default_rng(4))
+    readings = readings_at(BLOCK, truth, drawn)
+    said = pose_model(readings, None, None, ODOMETRY["wheels"])
+    found = find_start(said, readings, 0.03).model
+    # By the definition of poor: 3.3 and 4 to 5 times as far.
+    ratio = np.array(found.odometry) / ODOMETRY["wheels"]
+    assert 3.0 < ratio[0] < 6.5
+    assert 2.2 < ratio[2] < 4.5
+    assert "odometry errs" in caplog.text
+    np.testing.assert_allclose(found.prior.spread, said.scaled(ratio[2], ratio[0]).prior.spread)
+    right = follow(*_scans_round_the_block("poor"))
+    assert (right.scale < 1.3).all()
+
+
+def test_a_way_that_a_loop_left_out_opens_is_found():
+    """Of two ways of the same evidence the one that strains the odometry less is the likelier."""
+    truth = round_the_block()
+    scans, prior = _scans_round_the_block("wheels")
+    ways = close_loops(scans, follow(scans, prior), pull_of(prior))
+    assert len(ways) == 1
+    assert off(ways[0].poses, truth) < 0.3
+    pieces = cut(scans, truth)
+    pairs = np.column_stack(np.triu_indices(len(pieces), 3))
+    bent = truth.copy()
+    bent[len(bent) // 2 :, 0] += 1.5
+    assert gain(pairs, pieces, bent, truth) > 0.3
+    assert gain(pairs, pieces, truth, truth) == 0.0
 
 
 # Points matched with a place.
@@ -358,6 +426,31 @@ def test_poses_are_settled_where_chains_agree(drawn: Trajectory) -> None:
     words = apart(drawn, 0.8).words()
     assert "known to" not in words
     assert "; not settled: chains differ by 80 cm at scan" in words
+
+
+def test_slips_and_loops_in_dispute_are_named(drawn: Trajectory) -> None:
+    n = len(drawn.given)
+    spread = np.full((n - 1, 3), 0.05)
+    motion = seen_from(drawn.mean[:-1], drawn.mean[1:])
+    drawn = dataclasses.replace(drawn, chain=(np.arange(len(drawn.draws)) % 2).astype(np.int32))
+    plain = dataclasses.replace(drawn, prior=PosePrior(drawn.given, np.full(2, np.inf), motion, spread))
+    assert plain.slips.max() < 0.5
+    assert "slipped" not in plain.words()
+    motion = motion.copy()
+    motion[1] += [3.0, 4.0, 0.5]
+    found = dataclasses.replace(plain, prior=plain.prior._replace(motion=motion))  # type: ignore[union-attr]
+    assert found.slips[1] > 0.99
+    assert np.delete(found.slips, 1).max() < 0.5
+    assert f"the robot slipped or was carried after scan {drawn.scan[1]}" in found.words()
+    assert "by 5 m" in found.words()
+    pose = seen_from(drawn.mean[:1], drawn.mean[3:4])
+    loops = Closures(
+        np.zeros(2, int), np.full(2, 3), np.vstack([pose, pose + 1.0]), np.tile(0.2**2 * np.eye(3), (2, 1, 1))
+    )
+    open_ = dataclasses.replace(drawn, disputed=loops)
+    np.testing.assert_allclose(open_.closed, [1.0, 0.0], atol=0.01)
+    assert "known to" not in open_.words()
+    assert f"whether scans {drawn.scan[0]} and {drawn.scan[3]} saw the same place" in open_.words()
 
 
 def test_functionals_name_first_middle_and_last_pose(drawn: Trajectory) -> None:
