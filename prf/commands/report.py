@@ -15,6 +15,7 @@ logger = logging.getLogger(__name__)
 EXAMPLES = (
     "prf report office",
     'prf report office --title "Second floor" -o floor.html',
+    "prf report drive --truth drift/true_poses.csv",
 )
 
 
@@ -22,6 +23,10 @@ def report(
     run: Annotated[str, typer.Argument(metavar="RUN", help="What prf sample wrote.")],
     title: Annotated[
         str | None, typer.Option("--title", metavar="TEXT", help="Instead of the names of the logs.")
+    ] = None,
+    truth: Annotated[
+        str | None,
+        typer.Option("--truth", metavar="FILE", help="True poses, as --poses takes them: errors of those sampled."),
     ] = None,
     output: Output = None,
     force: Force = False,
@@ -31,9 +36,10 @@ def report(
     The posterior with its unseen ground hatched, a slider over the draws, the best map, where the chains differ, and
     answers as prf query gives them: click a point for the probability that it is occupied, click the corners of a path
     for that of a disc to follow it. The page has all draws, or as many as fit into about 3 MB, and states their number.
-    Without -o it is RUN.html beside the folder.
+    Without -o it is RUN.html beside the folder. With --truth it shows absolute and relative errors (ATE, RPE) of the
+    trajectory that was sampled, beside what was stated.
     """
-    from prf.output.report import write_report
+    from prf.output.report import true_errors, write_report
     from prf.output.run import read_run
     from prf.results import names
     from prf.shell.cli.files import STREAM
@@ -41,10 +47,13 @@ def report(
 
     folder = Path(run) if Path(run).name.strip(".") else Path(run).resolve()
     target = output or f"{folder}.html"
-    inputs = [str(Path(run) / name) for name in names.SCHEMAS]
+    inputs = [*(str(Path(run) / name) for name in names.SCHEMAS), *([truth] if truth else [])]
     claim_output(target, force, inputs=inputs, suffixes=(".html", ".htm"))
     source = read_run(run)
-    n_bytes, n_embedded = write_report(target, source, title)
+    errors = None if truth is None else true_errors(source, truth)
+    if errors is not None:
+        logger.info("%s", errors.words())
+    n_bytes, n_embedded = write_report(target, source, title, errors, truth or "")
     if target != STREAM:
         shown = f"{n_embedded:,} of {len(source.draws):,} draws"
         logger.info("wrote %s: %.1f MB, answers from %s", target, n_bytes / 1e6, shown)

@@ -121,6 +121,20 @@ def read_poses(
     return GivenPoses(trajectory, "standard input" if path == STREAM else path, gap, mount, offset)
 
 
+def true_poses(path: str, scan: IntArray, time: FloatArray, gap: float) -> FloatArray:
+    """Return the poses (n, 3) of a file for scans (n,) of a log, by their times (n,) or by order; nan where unknown.
+
+    By order the file has a pose for each of them, or for each scan of the log. InputError if they belong to others.
+    """
+    poses = read_poses(path, gap)
+    n, known = len(scan), poses.trajectory.poses
+    if poses.times is None and len(known) != n and len(known) > scan.max(initial=-1):
+        poses = replace(poses, trajectory=poses.trajectory._replace(poses=known[scan], names=None))
+    table = ScanTable(scan, scan, np.ones(n, np.int64), np.zeros(n, np.int64), np.zeros((n, 3)), time)
+    found = _matched(table, poses, "the run")[0]
+    return np.column_stack([found[:, :2, 3], np.arctan2(found[:, 1, 0], found[:, 0, 0])])
+
+
 def placed(readings: Readings, poses: GivenPoses) -> Readings:
     """Return readings on the robot, whole, in the world; InputError if the poses do not belong to them."""
     notes, scans, source = readings.notes, readings.notes.scans, readings.source

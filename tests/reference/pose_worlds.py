@@ -54,7 +54,7 @@ class Rig(NamedTuple):
 LASER = Rig()
 BOTH = Rig(n=2, n_beams=6, n_cones=4, odometry=(0.2, 0.1, 0.1, 0.1))
 DRIVEN = Rig(noise=None, odometry=(0.1, 0.05, 0.05, 0.05))
-SLIPPY = DRIVEN._replace(slip=0.3)
+SLIPPING = DRIVEN._replace(slip=0.3)
 BARE = Rig(n_beams=1, sensor=Sensor(1e-3), noise=(0.5, 0.3))
 """Its beams see nothing: all that is known of a pose is its prior, and that its sensor stands in white."""
 

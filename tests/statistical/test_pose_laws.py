@@ -16,7 +16,18 @@ from prf.poses.model import PosePrior
 from prf.poses.plane import compose, seen_from, wrapped
 from prf.sampler.target import LaserData
 from tests.reference.beams import Sensor
-from tests.reference.pose_worlds import BARE, BOTH, DRIVEN, LASER, ROOM, SLIPPY, PoseWorld, Rig, begin, draw_pose_world
+from tests.reference.pose_worlds import (
+    BARE,
+    BOTH,
+    DRIVEN,
+    LASER,
+    ROOM,
+    SLIPPING,
+    PoseWorld,
+    Rig,
+    begin,
+    draw_pose_world,
+)
 from tests.statistical import mutants, pose_doors
 from tests.statistical.pose_doors import sample_poses
 from tests.statistical.pose_trials import trials
@@ -233,7 +244,7 @@ TRIALS = {
     "no readings": (BARE, 0.9, 4000),
     "laser": (LASER, 0.4, 4000),
     "odometry": (DRIVEN, 0.4, 4000),
-    "slips": (SLIPPY, 0.4, 4000),
+    "slips": (SLIPPING, 0.4, 4000),
     "laser, sonar and odometry": (BOTH, 0.4, 2000),
 }
 

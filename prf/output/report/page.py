@@ -11,6 +11,8 @@ import numpy as np
 from prf.output.export.cells import cut_to_known, returned
 from prf.output.export.source import Map
 from prf.output.report.embedded import Numbers, fitting, pack_image, pack_scene, step_of
+from prf.output.report.truth import truth_section
+from prf.poses.truth import TrueErrors
 from prf.readings import log_stem
 from prf.results import RunData, map_text, names
 from prf.results.convergence import Diagnosis, range_words, time_words
@@ -22,10 +24,13 @@ from prf.shell.errors import InputError
 SCRIPTS = ("draws.js", "estimate.js", "map.js", "report.js")
 
 
-def write_report(path: str, run: RunData, title: str | None = None) -> tuple[int, int]:
+def write_report(
+    path: str, run: RunData, title: str | None = None, truth: TrueErrors | None = None, of: str = ""
+) -> tuple[int, int]:
     """Write the report on a run, whole or not at all; ``-`` is standard output.
 
-    `title` instead of the names of the logs. InputError if the run has no draws, or no image yet.
+    `title` instead of the names of the logs. `truth`: errors of its trajectory by a file `of` true poses. InputError if
+    the run has no draws, or no image yet.
     Returns its size in bytes, and how many draws are in it.
     """
     if len(run.draws) == 0:
@@ -39,6 +44,7 @@ def write_report(path: str, run: RunData, title: str | None = None) -> tuple[int
         "run": escape(run.name),
         "headline": headline(run),
         "agreement": f"{agreement_line(run)} {trajectory_line(run)}".strip(),
+        "truth": truth_section(truth, of),
         "functionals": functional_table(run),
         "made": origin_table(run),
         "settings": settings_table(run),
