@@ -24,6 +24,7 @@ EXACT, MOST = 1e-5, 1000  # share of the right hand side that a solution leaves 
 ROUNDS = 24
 SETTLING = 5
 """Last rounds, with several layouts of the smallest squares together; the mean of all but the first is the result."""
+DRAWING = 10  # rounds of a draw; of fewer all lie too near the poses at which it begins
 LAYOUTS, MOST_ROWS = 8, 500_000  # so many, unless there would be more points of all
 SMALLEST, LARGEST = 0.4, 1.5  # metres, sides of squares
 NARROW, WIDE = 0.1, 0.5  # metres, and share of the side: distance from a line at which a point counts a quarter
@@ -78,12 +79,12 @@ def disturbed(scans: WallPoints, poses: Floats, pull: Pull, rng: np.random.Gener
     n, k = len(poses), len(pull.relations.tail)
     disturbance = Disturbance(sign * rng.standard_normal((n, 3)), sign * rng.standard_normal((k, 3)))
     layout, settled = np.random.default_rng(0), []
-    for _ in range(SETTLING):
+    for _ in range(DRAWING):
         lines = settled_lines(scans, poses, layout)
         pushed = lines._replace(distance=lines.distance + np.resize(push, len(lines.distance)))
         poses = _moved(poses, _solve(pushed, poses, pull, disturbance))
         settled.append(poses)
-    return np.asarray(np.mean(settled[1:], axis=0))
+    return np.asarray(np.mean(settled[1 - SETTLING :], axis=0))
 
 
 def settled_lines(scans: WallPoints, poses: Floats, rng: np.random.Generator, layouts: int = LAYOUTS) -> Lines:

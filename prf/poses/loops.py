@@ -50,12 +50,12 @@ class Way(NamedTuple):
 
 def close_loops(scans: WallPoints, followed: Followed, chain: Pull) -> list[Way]:
     """Return the ways with loops closed, the most likely first; `chain`: what else holds poses."""
-    steps = doubtful(followed.fits)
-    pieces, chain = cut(scans, followed.poses, steps), chain._replace(relations=followed.steps)
+    steps, root = doubtful(followed.fits), followed.steps.root.copy()
+    pieces, chain = cut(scans, followed.poses, steps), chain._replace(relations=followed.steps._replace(root=root))
     poses, found = _closed(pieces, followed.poses, chain, [])
     while steps and (ways := landings(pieces, poses, steps)):
         step, match = ways[0].step, ways[0].match
-        chain.relations.root[step] *= BROKEN
+        root[step] *= BROKEN
         steps.remove(step)
         poses, found = _closed(pieces, ways[0].poses, chain, [match, *(each for each in found if not each.over(step))])
     return _ways(pieces, chain, Way(poses, found, 0.0))

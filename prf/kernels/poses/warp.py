@@ -1,10 +1,10 @@
 """Map and poses displaced together: walls go with the scans that see them, where either alone could not move.
 
 A field u of small motions, the same rigid one times a share that falls from 1 in its middle to 0 at its radius, moves
-every interior vertex and every pose. A point p moves to p' = p + u((p + p') / 2): the way back is then the same with
-the field's opposite, which is as probable, and the Jacobian of a point is det(I + Du/2) / det(I - Du/2), taken half
-way. A heading turns as a rigid body would there. What the field is does not depend on map or poses. One that is so
-steep that a point might have two such places is not used, nor is its opposite.
+every interior vertex and every pose but one that is held. A point p moves to p' = p + u((p + p') / 2): the way back is
+then the same with the field's opposite, which is as probable, and the Jacobian of a point is
+det(I + Du/2) / det(I - Du/2), taken half way. A heading turns as a rigid body would there. What the field is does not
+depend on map or poses. One that is so steep that a point might have two such places is not used, nor is its opposite.
 """
 
 import math
@@ -12,6 +12,7 @@ import math
 from prf.kernels import constants as c
 from prf.kernels._jit import Array, Rng, core
 from prf.kernels.poses.change import BOX, keep_poses, readings_change, sites_are_white
+from prf.kernels.poses.moves import first_free, random_scale, spread_of
 from prf.kernels.poses.state import LOG_CHANGE, LOG_POSE_PRIOR, Poses, is_white, log_pose_prior
 from prf.kernels.state.chain import Chain
 from prf.kernels.state.edge_index import EdgeIndex, index_edge
@@ -37,7 +38,7 @@ STEEPEST = 1.718
 SLACK = 1e-6
 """Metres by which a box is enlarged: more than impacts are rounded by."""
 SHARE_OF_ALL = 0.3
-"""Share of fields that move all alike."""
+"""Share of fields that move all alike, or all but a pose that is held."""
 NARROWEST = 1.0
 """Least radius, metres."""
 LEAST_SCALE = 0.03
@@ -49,9 +50,15 @@ MOST_SCALE = 2.0
 def draw_field(window: Array, poses: Poses, rng: Rng) -> bool:
     """Draw a field: its middle where a pose started, its radius even in the logarithm. A held pose lies beyond it.
 
+    Or, where the first pose is held, all but that moves alike, by what the first may vary by to the rest.
     Return whether half of it shrinks distances to a half at most: it then has one fixed point, found from anywhere.
     """
     work, start = poses.work, poses.start
+    if poses.precision[0] == 0.0 and rng.random() < SHARE_OF_ALL:
+        work[CENTRE], work[CENTRE + 1] = poses.pose[0, 0], poses.pose[0, 1]
+        work[RADIUS] = math.inf
+        spread_of(poses, 0, random_scale(rng), rng, work[MOTION : MOTION + 3])
+        return abs(work[MOTION + 2]) < 1.0
     i = int(rng.random() * start.shape[0])
     work[CENTRE], work[CENTRE + 1] = start[i, 0], start[i, 1]
     widest = 2.0 * max(window[2] - window[0], window[3] - window[1])
@@ -156,9 +163,11 @@ def warp_vertices(graph: Graph, trial: Graph, poses: Poses) -> tuple[bool, float
 
 @core
 def warp_poses(poses: Poses) -> tuple[bool, float]:
-    """Displace all poses; return whether that was possible, and the log of the Jacobian."""
+    """Displace all poses but a held one; return whether that was possible, and the log of the Jacobian."""
     total, work = 0.0, poses.work
-    for i in range(poses.pose.shape[0]):
+    for k in range(3):
+        poses.new_pose[0, k] = poses.pose[0, k]
+    for i in range(first_free(poses), poses.pose.shape[0]):
         if not displace(work, poses.pose[i, 0], poses.pose[i, 1]):
             return False, 0.0
         poses.new_pose[i, 0], poses.new_pose[i, 1] = work[PLACE], work[PLACE + 1]
