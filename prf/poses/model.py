@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from prf.kernels.poses.state import SLIP_REACH
+from prf.kernels.poses.state import SLIP_REACH, SLIPPED
 from prf.poses.plane import Floats, compose, seen_from, wrapped
 from prf.readings import Readings
 from prf.shell.errors import InputError
@@ -25,9 +25,12 @@ SAME_TIME = 0.1
 STAND = np.array([1e-3, 1e-3, 1e-4])
 """Standard deviations (m, m, rad) that a step of the odometry has at least: of a robot that does not move."""
 
-SLIP = 0.01
-"""Probability that wheels slip in a step, or the robot is carried: the step then says next to nothing."""
+SLIP, FAR = 0.01, 0.1
+"""Probability of a step in which wheels slip, and share of these in which the robot may be carried anywhere."""
 
+
+LEAST_HELD = 1e-3
+"""1/rad2, of the turn of a slip: enough to have a solution."""
 
 HELD = 16.0
 """Squared distance, in standard deviations, up to which a closure holds."""
@@ -36,8 +39,8 @@ HELD = 16.0
 class PosePrior(NamedTuple):
     """Density of all poses: independent normal errors of given ones, normal errors of each step of the odometry.
 
-    A step's error is that of the next pose as the pose before it has it. In a slip it is Cauchy's, of the plane, and
-    the turn is any.
+    A step's error is that of the next pose as the pose before it has it. In a slip it is :data:`SLIPPED` times as
+    large; or, where the robot is carried, Cauchy's of the plane, and the turn any.
     """
 
     given: Floats  # (n, 3)
@@ -59,27 +62,46 @@ class PosePrior(NamedTuple):
             total -= 0.5 * float((error[:, :2] ** 2).sum() / self.noise[0] ** 2)
             total -= 0.5 * float((wrapped(error[:, 2]) ** 2).sum() / self.noise[1] ** 2)
         if len(self.motion):
-            total += float(np.logaddexp(*self.step_terms(poses)).sum())
+            total += float(np.logaddexp.reduce(self.step_terms(poses), axis=0).sum())
         return total
 
     @property
     def log_slip(self) -> Floats:
-        """Log densities (n - 1,) of slips of no size, in units of those of the normal errors at their means."""
+        """Log densities (n - 1, 2) of a slip and of being carried, without error, over those of the normal errors."""
         with np.errstate(divide="ignore"):
             odds = np.log(self.slip) - np.log1p(-self.slip)
-        return np.asarray(odds - 2.0 * np.log(SLIP_REACH) - 0.5 * np.log(2.0 * np.pi) + np.log(self.spread).sum(axis=1))
+        slipped = np.full(len(self.spread), odds + np.log1p(-FAR) - 3.0 * np.log(SLIPPED))
+        carried = odds + np.log(FAR) - 2.0 * np.log(SLIP_REACH) - 0.5 * np.log(2.0 * np.pi)
+        return np.column_stack([slipped, carried + np.log(self.spread).sum(axis=1)])
 
-    def step_terms(self, poses: Floats) -> tuple[Floats, Floats]:
-        """Return the log densities (..., n - 1) of the steps between poses (..., n, 3): as normal errors, as slips."""
+    def step_terms(self, poses: Floats) -> Floats:
+        """Return log densities (3, ..., n - 1) of the steps between poses (..., n, 3): normal, in a slip, carried."""
         error = seen_from(poses[..., :-1, :], poses[..., 1:, :]) - self.motion
         error[..., 2] = wrapped(error[..., 2])
         normal = -0.5 * ((error / self.spread) ** 2).sum(axis=-1)
-        return normal, self.log_slip - 1.5 * np.log1p((error[..., :2] ** 2).sum(axis=-1) / SLIP_REACH**2)
+        slipped, carried = self.log_slip.T
+        away = np.log1p((error[..., :2] ** 2).sum(axis=-1) / SLIP_REACH**2)
+        return np.stack([normal, slipped + normal / SLIPPED**2, carried - 1.5 * away])
+
+    def parts(self, poses: Floats) -> Floats:
+        """Return the probabilities (3, ..., n - 1) that the steps are normal, slips, or the robot is carried."""
+        terms = self.step_terms(poses)
+        return np.asarray(np.exp(terms - np.logaddexp.reduce(terms, axis=0)))
 
     def slipped(self, poses: Floats) -> Floats:
-        """Return the probability (..., n - 1) that each step between poses (..., n, 3) is a slip."""
-        normal, slip = self.step_terms(poses)
-        return np.asarray(np.exp(slip - np.logaddexp(normal, slip)))
+        """Return the probability (..., n - 1) that in each step between poses (..., n, 3) it slipped or was carried."""
+        return np.asarray(1.0 - self.parts(poses)[0])
+
+    def precision(self, poses: Floats) -> Floats:
+        """Return how much each step holds at poses (n, 3): (n - 1, 3) of ahead, to the side (1/m2), turn (1/rad2).
+
+        What pulls where the robot was carried is the slope of the density; the turn hardly pulls.
+        """
+        off = seen_from(poses[:-1], poses[1:])[:, :2] - self.motion[:, :2]
+        normal, slipped, carried = self.parts(poses)[:, :, None]
+        place = 3.0 / (SLIP_REACH**2 + np.square(off).sum(axis=1))
+        loose = np.column_stack([place, place, np.full(len(place), LEAST_HELD)])
+        return np.asarray((normal + slipped / SLIPPED**2) / self.spread**2 + carried * loose)
 
     def draw(self, rng: np.random.Generator, sign: float = 1.0) -> Floats:
         """Return poses (n, 3) of the prior of odometry alone, or of independent errors alone; -1: the opposite ones."""
@@ -87,7 +109,9 @@ class PosePrior(NamedTuple):
             return self.given + sign * rng.standard_normal(self.given.shape) * self.noise[[0, 0, 1]]
         error = self.spread * rng.standard_normal(self.motion.shape)
         if self.slip > 0.0:
-            slips = np.flatnonzero(rng.random(len(error)) < self.slip)
+            chance = rng.random(len(error))
+            error[chance < self.slip] *= SLIPPED
+            slips = np.flatnonzero(chance < FAR * self.slip)
             away = SLIP_REACH * np.sqrt(rng.random(len(slips)) ** -2.0 - 1.0)
             angle, turn = rng.uniform(-np.pi, np.pi, (2, len(slips)))
             error[slips] = np.column_stack([away * np.cos(angle), away * np.sin(angle), turn])

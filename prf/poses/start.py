@@ -13,7 +13,7 @@ import numpy as np
 
 from prf.poses.align import align, disturbed
 from prf.poses.errors import independence
-from prf.poses.follow import follow
+from prf.poses.follow import Followed, follow
 from prf.poses.graph import Pull, Relations, root_of
 from prf.poses.loops import Way, close_loops, closures
 from prf.poses.model import PoseModel, PosePrior
@@ -26,7 +26,6 @@ logger = logging.getLogger(__name__)
 
 FAR = 5.0  # metres, a usual range: how far an error of the heading moves points
 HELD = 1e6  # one over the standard deviation, m or rad, of the first pose where it fixes the frame
-LEAST_HELD = 1e-10  # share of what holds a step that is left where it slipped
 LEAST_SCALE = 1.3  # times that odometry errs more than was said, from which it is taken to
 LEFT = 0.1  # metres that points lie apart once loops are closed, about
 MOST_POINTS = 200_000  # more add little
@@ -98,8 +97,8 @@ def find_start(model: PoseModel, laser: Readings, noise: float) -> Start:
     if not len(scans.owner):
         return Start(model, scans, [Agreed(given.copy(), pull_of(model.prior), 1.0)], [])
     ways, error = [Way(given, [], 0.0)], float(model.prior.noise[0] + FAR * model.prior.noise[1])
-    if model.prior.is_held:
-        followed = follow(scans, model.prior)
+    followed = follow(scans, model.prior) if model.prior.is_held else None
+    if followed is not None:
         model = _as_it_errs(model, followed.scale)
         ways, error = close_loops(scans, followed, pull_of(model.prior)), LEFT
         n_used = sum(loop.is_used for loop in ways[0].loops)
@@ -110,7 +109,7 @@ def find_start(model: PoseModel, laser: Readings, noise: float) -> Start:
     odds = np.exp([way.log_odds for way in ways])
     agreed = []
     for way, share in zip(ways, (odds / odds.sum()).tolist(), strict=True):
-        pull = pull_of(model.prior, way.poses if model.prior.is_held else None)
+        pull = pull_of(model.prior) if followed is None else _as_followed(model.prior, way.poses, followed)
         agreed.append(Agreed(align(scans, way.poses, pull, error, np.random.default_rng(0)), pull, share))
     weight = independence(whole, agreed[0].poses)
     scans = scans._replace(weight=weight * scans.weight)
@@ -132,13 +131,20 @@ def _as_it_errs(model: PoseModel, scale: Floats) -> PoseModel:
     return found
 
 
-def pull_of(prior: PosePrior, poses: Floats | None = None) -> Pull:
-    """Return the density of the poses as errors in standard deviations; steps that slipped at `poses` hold nothing."""
+def pull_of(prior: PosePrior) -> Pull:
+    """Return the density of the poses as errors in standard deviations."""
     n, steps = len(prior.given), np.arange(len(prior.motion))
     sharpness = np.zeros((n, 3)) if prior.is_held else np.tile(1.0 / prior.noise[[0, 0, 1]], (n, 1))
     if prior.is_held:
         sharpness[0] = HELD
     root = root_of(np.square(prior.spread)[:, :, None] * np.eye(3))
-    if poses is not None:
-        root *= np.sqrt(np.maximum(1.0 - prior.slipped(poses), LEAST_HELD))[:, None, None]
     return Pull(prior.given, sharpness, Relations(steps, steps + 1, prior.motion, root))
+
+
+def _as_followed(prior: PosePrior, poses: Floats, followed: Followed) -> Pull:
+    """Return what pulls poses (n, 3): odometry, and over slips what scans said, or they would slide along corridors."""
+    pull, is_slip = pull_of(prior), prior.parts(poses)[1] > 0.5
+    root = np.sqrt(prior.precision(poses))[:, :, None] * np.eye(3)
+    root[is_slip], motion = followed.steps.root[is_slip], prior.motion.copy()
+    motion[is_slip] = followed.steps.pose[is_slip]
+    return pull._replace(relations=pull.relations._replace(pose=motion, root=root))

@@ -90,7 +90,7 @@ def draw_poses(prior: PosePrior, rng: np.random.Generator) -> Floats:
     if prior.is_held or not len(prior.motion):
         return prior.draw(rng)
     errors, steps = prior._replace(motion=np.zeros((0, 3))), prior._replace(noise=np.full(2, np.inf))
-    most = np.logaddexp(0.0, prior.log_slip).sum()
+    most = np.log1p(np.exp(prior.log_slip).sum(axis=1)).sum()
     while True:
         poses = errors.draw(rng)
         if np.log(rng.random()) < steps.log_density(poses) - most:

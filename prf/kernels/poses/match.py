@@ -10,7 +10,7 @@ from prf.kernels import constants as c
 from prf.kernels._jit import Array, Rng, core, core_entry
 from prf.kernels.poses.change import BEYOND
 from prf.kernels.poses.moves import decide, first_free
-from prf.kernels.poses.state import Poses, first_edge, log_error, log_slip, place_ray, turn_between
+from prf.kernels.poses.state import Poses, first_edge, log_error, place_ray, turn_between
 from prf.kernels.readings.beams import Beams
 from prf.kernels.readings.laser import ROOT_TWO_PI
 from prf.kernels.state.chain import Chain
@@ -91,8 +91,7 @@ def add_step(poses: Poses, work: Array, before: Array, after: Array, k: int, is_
     motion, weight = poses.motion[k], poses.weight[k]
     off_ahead, off_aside = ahead - motion[0], aside - motion[1]
     off_turn = turn_between(before[2] + motion[2], after[2])
-    total = log_error(poses, k, off_ahead, off_aside, off_turn)
-    share = 1.0 - math.exp(log_slip(poses, k, off_ahead, off_aside) - total)
+    _, share = log_error(poses, k, off_ahead, off_aside, off_turn)
     add_terms(work, sign * cosine, sign * sine, by_ahead, -off_ahead, share * weight[0])
     add_terms(work, -sign * sine, sign * cosine, by_aside, -off_aside, share * weight[1])
     add_terms(work, 0.0, 0.0, sign, -off_turn, share * weight[2])

@@ -33,8 +33,10 @@ LOG_CHANGE = 1  # of the likelihood, by the proposal in work
 N_POSE_SUMS = 2
 
 TWO_PI = 2.0 * math.pi
+SLIPPED = 5.0
+"""Times by which steps err more in which the robot slipped."""
 SLIP_REACH = 0.3
-"""Metres: half of the slips are larger than sqrt(3) times this."""
+"""Metres: half of the times that it is carried it is so farther than sqrt(3) times this."""
 
 
 class Poses(NamedTuple):
@@ -49,7 +51,7 @@ class Poses(NamedTuple):
     precision: Array  # (2,) f8 of independent errors of the given poses: 1/m², 1/rad²; 0: none, the first pose is held
     motion: Array  # (n - 1, 3) f8 measured step to the next pose, in the frame of the former; (0, 3): no odometry
     weight: Array  # (n - 1, 3) f8 precision of that
-    slip: Array  # (n - 1,) f8 log density of a slip of no size, in units of that of the normal error of no size
+    slip: Array  # (n - 1, 2) f8 log densities of a slip, and of being carried, without error, over that of no error
     spread: Array  # (n, 6) f8 lower triangle, by rows, of a square root of what a pose may vary by, the map given
     beam_start: Array  # (n + 1,) i8
     beam_of: Array  # (n_beams,) i4
@@ -90,20 +92,22 @@ def log_given(poses: Poses, at: Array, i: int) -> float:
 
 
 @core
-def log_slip(poses: Poses, i: int, ahead: float, aside: float) -> float:
-    """Log density of an error of the odometry's step i as a slip, in units of that of no error."""
-    return poses.slip[i] - 1.5 * math.log1p((ahead * ahead + aside * aside) / (SLIP_REACH * SLIP_REACH))
+def log_error(poses: Poses, i: int, ahead: float, aside: float, turn: float) -> tuple[float, float]:
+    """Log density of an error of the odometry's step i, over that of no error, and how much of its precision pulls.
 
-
-@core
-def log_error(poses: Poses, i: int, ahead: float, aside: float, turn: float) -> float:
-    """Log density of an error of the odometry's step i, normal or a slip, in units of that of no error."""
+    It is normal; or that of a slip; or the robot was carried.
+    """
     weight = poses.weight[i]
     normal = -0.5 * (weight[0] * ahead * ahead + weight[1] * aside * aside + weight[2] * turn * turn)
-    if poses.slip[i] == -math.inf:
-        return normal
-    slip = log_slip(poses, i, ahead, aside)
-    return max(normal, slip) + math.log1p(math.exp(-abs(normal - slip)))
+    if poses.slip[i, 0] == -math.inf:
+        return normal, 1.0
+    slipped = poses.slip[i, 0] + normal / (SLIPPED * SLIPPED)
+    away = (ahead * ahead + aside * aside) / (SLIP_REACH * SLIP_REACH)
+    carried = poses.slip[i, 1] - 1.5 * math.log1p(away)
+    most = max(normal, max(slipped, carried))
+    a, b = math.exp(normal - most), math.exp(slipped - most)
+    total = a + b + math.exp(carried - most)
+    return most + math.log(total), (a + b / (SLIPPED * SLIPPED)) / total
 
 
 @core
@@ -116,7 +120,7 @@ def log_step(poses: Poses, before: Array, after: Array, i: int) -> float:
     ahead = cosine * x + sine * y - poses.motion[i, 0]
     aside = cosine * y - sine * x - poses.motion[i, 1]
     turn = turn_between(before[2] + poses.motion[i, 2], after[2])
-    return log_error(poses, i, ahead, aside, turn)
+    return log_error(poses, i, ahead, aside, turn)[0]
 
 
 @core
