@@ -5,9 +5,9 @@ Run it from the repository's root::
     python -m benchmarks.trajectories [--cases CASE ...] [--judge] [--worlds N ...] [--seconds S]
 
 `small` and `large` are office floors whose poses err independently, by .05 m and .01 rad, and by .15 m and .03 rad;
-`loop` is a ring of corridors whose poses are odometry, `long` a larger one; in `carried` the robot is carried 11 m, `repeating`
-looks the same every 4 m, `ambiguous` too, at poorer odometry. `real` are public logs with corrected poses, to which errors as
-of `large` are added: what their own poses err by counts as an error of all that is judged there.
+`loop` is a ring of corridors whose poses are odometry, `long` a larger one; in `carried` the robot is carried 11 m,
+`repeating` looks the same every 4 m, `ambiguous` too, at poorer odometry. `real` are public logs with corrected poses,
+to which errors as of `large` are added: what their own poses err by counts as an error of all that is judged there.
 
 Tuned was on the worlds of seeds 1 to 3 and on Intel, never on what --judge takes: seeds 11 to 15, and three other
 buildings. Judged are the poses as given; those at which a scan matcher with a pose graph has the scans agree
