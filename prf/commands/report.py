@@ -53,7 +53,7 @@ def report(
     errors = None if truth is None else true_errors(source, truth)
     if errors is not None:
         logger.info("%s", errors.words())
-    n_bytes, n_embedded = write_report(target, source, title, errors, truth or "")
+    n_bytes, n_embedded = write_report(target, source, title, errors)
     if target != STREAM:
         shown = f"{n_embedded:,} of {len(source.draws):,} draws"
         logger.info("wrote %s: %.1f MB, answers from %s", target, n_bytes / 1e6, shown)

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from prf.poses.errors import MEDIAN
 from prf.poses.match import search_everywhere
 from prf.poses.pieces import OVERLAP, LoopMatch, Piece, gain
 from prf.poses.plane import Floats, compose, seen_from
@@ -38,7 +39,7 @@ def doubtful(fits: Floats) -> list[int]:
     if not len(known):
         return []
     middle = np.median(known)
-    limit = middle - max(DOUBTFUL * 1.4826 * float(np.median(np.abs(known - middle))), LEAST_DOUBT)
+    limit = middle - max(DOUBTFUL * float(np.median(np.abs(known - middle))) / MEDIAN, LEAST_DOUBT)
     worst = np.argsort(np.where(np.isfinite(fits), fits, np.inf), kind="stable")[:MOST]
     return [int(step) for step in worst if fits[step] < limit]
 

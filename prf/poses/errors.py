@@ -9,6 +9,7 @@ from scipy.spatial import cKDTree
 from prf.poses.plane import Floats
 from prf.poses.scans import WallPoints
 
+MEDIAN = 0.6744897501960817  # of the size of a normal error, in standard deviations
 MOST = 20_000  # points that are compared
 OTHERS, FEWEST = 64, 8  # points of other scans that a wall is fitted to
 REACH = 0.12  # metres from a point within which these lie
@@ -32,7 +33,7 @@ def independence(scans: WallPoints, poses: Floats) -> float:
     near = np.isfinite(error)
     if near.sum() < FEWEST_PAIRS:
         return 1.0
-    near &= np.abs(error) < OFF_WALL * max(1.4826 * float(np.median(np.abs(error[near]))), 1e-9)
+    near &= np.abs(error) < OFF_WALL * max(float(np.median(np.abs(error[near]))) / MEDIAN, 1e-9)
     variance, total, owner = float(np.mean(np.square(error[near]))), 1.0, scans.owner[: len(error)]
     for lag in range(1, min(LAGS, len(error) - 1) + 1):
         pair = (owner[:-lag] == owner[lag:]) & near[:-lag] & near[lag:]

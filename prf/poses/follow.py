@@ -8,8 +8,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import cKDTree
 
+from prf.poses.errors import MEDIAN
 from prf.poses.graph import Relations, root_of
-from prf.poses.match import SLIPPED, fit, place_of, search
+from prf.poses.match import MOST_PULL, fit, place_of, search
 from prf.poses.model import PosePrior
 from prf.poses.plane import Floats, compose, seen_from, wrapped
 from prf.poses.scans import WallPoints
@@ -21,7 +22,6 @@ LEAST = np.array([0.3, 0.3, 0.15])  # m, m, rad that are searched round the odom
 SIGMAS = 3.0
 LOOSE = 3.0  # times the spread of the odometry that scans are matched with, until it is known how far it errs
 SURE = 0.5  # spreads of the odometry that a scan fixes a step to, so that its error shows
-MEDIAN = 0.6744897501960817  # of the size of a standard normal error
 FEWEST, MOST_SCALE = 20, 10.0  # steps that show it, and times by which it may err more than it says
 NEAREST = np.geomspace(0.4, 0.1, 8)  # metres to the nearest seen point, in rounds of refinement
 STRAY = 0.05  # metres that points lie off the lines of others
@@ -119,7 +119,7 @@ def _refined(
         weight = 1.0 / np.square(STRAY * (1.0 + np.square(error / nearest)))
         off = about - pose
         pull = 0.5 * float(off @ information @ off)
-        held = information / (1.0 + math.exp(min(pull - SLIPPED, SLIPPED)))
+        held = information / (1.0 + math.exp(min(pull - MOST_PULL, MOST_PULL)))
         known = (weight[:, None] * lever).T @ lever
         pose = pose + np.linalg.solve(held + known, held @ off - lever.T @ (weight * error))
     return pose, known, held

@@ -9,6 +9,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from prf.poses.align import align
+from prf.poses.errors import MEDIAN
 from prf.poses.model import pose_model
 from prf.poses.plane import in_words, wrapped
 from prf.poses.scans import scans_of
@@ -21,8 +22,8 @@ FEWEST_SCANS = 8
 FIRST = (0.1, 0.03)  # m, rad: errors that are looked for at first; ...
 MOST_ROUNDS = 4  # ... larger ones pull the poses back to where they are given, until that is seen
 ROOM = 0.8  # share of what is looked for up to which errors are not held back
-MEDIAN_2D, MEDIAN = math.sqrt(2.0 * math.log(2.0)), 0.6744897501960817
-"""Median of the length of a normal vector in the plane, and of a normal number's size, in standard deviations."""
+MEDIAN_2D = math.sqrt(2.0 * math.log(2.0))
+"""Median of the length of a normal vector in the plane, in standard deviations."""
 ADVISED = (0.04, 0.015)
 """Metres and radians from which on a map is better with poses that are sampled too (benchmarks/README.md)."""
 LEAST = (0.01, 0.002)

@@ -17,7 +17,7 @@ from prf.poses.carried import doubtful, landings
 from prf.poses.follow import Followed
 from prf.poses.graph import Ints, Pull, Relations, derivatives, errors, root_of
 from prf.poses.match import search
-from prf.poses.model import NO_CLOSURES, Closures
+from prf.poses.model import FAR_OFF, NO_CLOSURES, Closures
 from prf.poses.pieces import OVERLAP, LoopMatch, Piece, cut, gain
 from prf.poses.plane import Floats, compose, seen_from, wrapped
 from prf.poses.scans import WallPoints
@@ -29,7 +29,6 @@ TURN = 0.8  # radians searched at most
 SIGMAS = 3.0
 GOOD = 0.45  # score of a match that counts
 PLAUSIBLE = 0.3  # score of one that is worth a try
-FAR_OFF = 16.0  # squared distance, in standard deviations, from the prediction and in the settled graph
 SOFT = 9.0  # the same from which a closure pulls less (dynamic covariance scaling, Agarwal et al. 2013)
 SETTLING = 15  # steps of Gauss and Newton
 CONTRARY, MOST_CONTRARY = 0.6, 20  # score of a closure left out that may be right instead, and how many are tried

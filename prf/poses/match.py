@@ -23,7 +23,7 @@ LEVER = 8.0  # metres: a turn moves points so far away by one cell
 SHARP = 60.0  # independent points that a score is the mean of, for the precision of a match
 PEAKS = 4  # places kept for alternatives
 MOST_PEAKS = 24  # of a search everywhere that are looked at more closely
-SLIPPED = 12.0  # nats that a pose pulls at most: what it comes from may have slipped
+MOST_PULL = 12.0  # nats that a pose pulls at most: what it comes from may have slipped
 FLOOR = np.array([0.05, 0.05, 0.01])  # standard deviations (m, m, rad) of a match at least
 
 
@@ -148,7 +148,7 @@ def _cost(volume: _Volume, about: Floats, prior: Floats) -> Floats:
     turn, y, x = np.meshgrid(volume.turn - about[2], volume.y - about[1], volume.x - about[0], indexing="ij")
     error = np.stack([x, y, turn], axis=-1)
     pull = 0.5 * np.asarray(np.einsum("...i,ij,...j->...", error, prior, error))
-    return np.asarray(np.minimum(pull, SLIPPED) / SHARP)
+    return np.asarray(np.minimum(pull, MOST_PULL) / SHARP)
 
 
 def _moments(volume: _Volume, score: Floats) -> Floats:

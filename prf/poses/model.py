@@ -25,14 +25,14 @@ SAME_TIME = 0.1
 STAND = np.array([1e-3, 1e-3, 1e-4])
 """Standard deviations (m, m, rad) that a step of the odometry has at least: of a robot that does not move."""
 
-SLIP, FAR = 0.01, 0.1
+SLIP, CARRIED = 0.01, 0.1
 """Probability of a step in which wheels slip, and share of these in which the robot may be carried anywhere."""
 
 
 LEAST_HELD = 1e-3
-"""1/rad2, of the turn of a slip: enough to have a solution."""
+"""1/rad2, of the turn where the robot was carried: enough to have a solution."""
 
-HELD = 16.0
+FAR_OFF = 16.0
 """Squared distance, in standard deviations, up to which a closure holds."""
 
 
@@ -70,8 +70,8 @@ class PosePrior(NamedTuple):
         """Log densities (n - 1, 2) of a slip and of being carried, without error, over those of the normal errors."""
         with np.errstate(divide="ignore"):
             odds = np.log(self.slip) - np.log1p(-self.slip)
-        slipped = np.full(len(self.spread), odds + np.log1p(-FAR) - 3.0 * np.log(SLIPPED))
-        carried = odds + np.log(FAR) - 2.0 * np.log(SLIP_REACH) - 0.5 * np.log(2.0 * np.pi)
+        slipped = np.full(len(self.spread), odds + np.log1p(-CARRIED) - 3.0 * np.log(SLIPPED))
+        carried = odds + np.log(CARRIED) - 2.0 * np.log(SLIP_REACH) - 0.5 * np.log(2.0 * np.pi)
         return np.column_stack([slipped, carried + np.log(self.spread).sum(axis=1)])
 
     def step_terms(self, poses: Floats) -> Floats:
@@ -111,7 +111,7 @@ class PosePrior(NamedTuple):
         if self.slip > 0.0:
             chance = rng.random(len(error))
             error[chance < self.slip] *= SLIPPED
-            slips = np.flatnonzero(chance < FAR * self.slip)
+            slips = np.flatnonzero(chance < CARRIED * self.slip)
             away = SLIP_REACH * np.sqrt(rng.random(len(slips)) ** -2.0 - 1.0)
             angle, turn = rng.uniform(-np.pi, np.pi, (2, len(slips)))
             error[slips] = np.column_stack([away * np.cos(angle), away * np.sin(angle), turn])
@@ -134,7 +134,7 @@ class Closures(NamedTuple):
         """Return which hold (..., k) at poses (..., n, 3), within their covariances."""
         error = seen_from(poses[..., self.tail, :], poses[..., self.head, :]) - self.pose
         error[..., 2] = wrapped(error[..., 2])
-        return np.asarray(np.einsum("...ki,kij,...kj->...k", error, np.linalg.inv(self.covariance), error) < HELD)
+        return np.asarray(np.einsum("...ki,kij,...kj->...k", error, np.linalg.inv(self.covariance), error) < FAR_OFF)
 
 
 NO_CLOSURES = Closures(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 3, 3)))

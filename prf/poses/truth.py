@@ -24,10 +24,11 @@ class TrueErrors(NamedTuple):
     step: Floats  # (k - 1,) metres, of the pose seen from the one before
     turn: Floats  # (k - 1,) radians, of the same
     nees: Floats  # (k - 1,) squares of both in standard deviations, over the three degrees of freedom
+    source: str  # of the true poses
 
     @classmethod
-    def of(cls, found: Trajectory, true: Floats) -> Self:
-        """Return the errors beside true poses (n, 3), nan where unknown."""
+    def of(cls, found: Trajectory, true: Floats, source: str) -> Self:
+        """Return the errors beside true poses (n, 3), m, m, rad, nan where unknown; `source`: their file."""
         known = np.flatnonzero(np.isfinite(true).all(axis=1))
         is_next = np.diff(known) == 1
         mean, true = found.mean[known], true[known]
@@ -37,7 +38,9 @@ class TrueErrors(NamedTuple):
         squares = np.einsum("ki,ki->k", error, np.linalg.solve(covariance, error[:, :, None])[:, :, 0])
         place = np.hypot(*(_aligned(mean, true)[:, :2] - true[:, :2]).T)
         radius = math.sqrt(CHI2_95) * np.sqrt(np.linalg.eigvalsh(found.covariance[known][:, :2, :2])[:, 1])
-        return cls(found.scan[known], place, radius, np.hypot(off[:, 0], off[:, 1]), np.abs(off[:, 2]), squares / 3.0)
+        return cls(
+            found.scan[known], place, radius, np.hypot(off[:, 0], off[:, 1]), np.abs(off[:, 2]), squares / 3.0, source
+        )
 
     def figures(self) -> dict[str, float]:
         """Return root mean squares: ATE (m), RPE from scan to scan (m, rad); the largest ATE, and the mean NEES."""

@@ -187,13 +187,7 @@ def prepare(
     cones = None if sonar is None else _cones(config, sonar)
     whole = None
     if config.trajectory.is_uncertain and (beams is not None or cones is not None):
-        whole, weight = _started(config, beams, cones)
-        is_given = config.trajectory.pose_noise is not None
-        config = config.replace(
-            beam_weight=config.laser.beam_weight or weight,
-            pose_noise=whole.prior.noise.tolist() if is_given else None,
-            odometry_noise=whole.odometry,
-        )
+        whole, config = _started(config, beams, cones)
         beams, cones = whole.placed(beams, cones, whole.start)
         driven = [part for part in (beams, cones) if part is not None]
     elif beams is not None and (found := given_errors(beams, config.laser.noise)) is not None and found.advice():
@@ -309,17 +303,26 @@ def _thinned(config: Configuration, beams: Readings, window: Window) -> tuple[ND
     return thin_beams(window, beams.origin, beams.angle, beams.range, beams.max_range, density), config
 
 
-def _started(config: Configuration, beams: Readings | None, cones: Readings | None) -> tuple[PoseModel, float]:
-    """Return the uncertain poses of all readings, with where they start, and what weight a beam has there."""
+def _started(config: Configuration, beams: Readings | None, cones: Readings | None) -> tuple[PoseModel, Configuration]:
+    """Return the uncertain poses of all readings, with where they start, and the configuration that says how they err.
+
+    It has the weight of a beam too, as the scans show it where poses start.
+    """
     if config.sampler.is_tempered or config.sampler.tiles:
         raise ConfigError("uncertain poses: their chains have neither tiles nor temperatures. Leave these out.")
     noise = pose_noise(config.trajectory.pose_noise, beams, config.laser.noise)
     found = pose_model(beams, cones, noise, config.trajectory.step_noise)
     if beams is None:
         draw = None if len(found.prior.motion) else lambda rng, sign, way: found.prior.draw(rng, sign)
-        return dataclasses.replace(found, draw_start=draw), 1.0
-    start = find_start(found, beams, config.laser.noise)
-    return start.model, min(1.0, start.independence)
+        model, weight = dataclasses.replace(found, draw_start=draw), 1.0
+    else:
+        start = find_start(found, beams, config.laser.noise)
+        model, weight = start.model, min(1.0, start.independence)
+    return model, config.replace(
+        beam_weight=config.laser.beam_weight or weight,
+        pose_noise=None if noise is None else model.prior.noise.tolist(),
+        odometry_noise=model.odometry,
+    )
 
 
 def ladder_plan(config: Configuration) -> LadderPlan:

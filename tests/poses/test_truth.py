@@ -31,7 +31,7 @@ def drawn() -> Trajectory:
 
 
 def test_errors_are_those_of_the_shape_and_as_large_as_stated(drawn: Trajectory) -> None:
-    found = TrueErrors.of(drawn, TRUE).figures()
+    found = TrueErrors.of(drawn, TRUE, "true.csv").figures()
     assert found["ate_m"] == pytest.approx(np.hypot(*SD[:2]), rel=0.25)
     assert found["rpe_m"] == pytest.approx(np.sqrt(2.0) * np.hypot(*SD[:2]), rel=0.25)
     assert found["rpe_rad"] == pytest.approx(np.sqrt(2.0) * SD[2], rel=0.25)
@@ -40,7 +40,7 @@ def test_errors_are_those_of_the_shape_and_as_large_as_stated(drawn: Trajectory)
 
 def test_poses_without_a_true_one_are_left_out(drawn: Trajectory) -> None:
     some = np.where(np.isin(np.arange(N), [4, 5, 20])[:, None], np.nan, TRUE)
-    found = TrueErrors.of(drawn, some)
+    found = TrueErrors.of(drawn, some, "true.csv")
     assert (len(found.place), len(found.step), len(found.nees)) == (N - 3, N - 4, N - 6)
     assert not np.isin([4, 5, 20], found.scan).any()
     assert np.isfinite(found.nees).all()
@@ -61,8 +61,8 @@ def test_true_poses_are_found_by_time_or_by_order(tmp_path: Path) -> None:
 
 
 def test_the_report_draws_both_errors_and_escapes_the_name(drawn: Trajectory) -> None:
-    section = truth_section(TrueErrors.of(drawn, TRUE), "a<b.csv")
+    section = truth_section(TrueErrors.of(drawn, TRUE, "a<b.csv"))
     assert section.count("<svg") == 2
     assert "a&lt;b.csv" in section
     assert "nan" not in section
-    assert truth_section(None, "") == ""
+    assert truth_section(None) == ""

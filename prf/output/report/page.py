@@ -24,12 +24,10 @@ from prf.shell.errors import InputError
 SCRIPTS = ("draws.js", "estimate.js", "map.js", "report.js")
 
 
-def write_report(
-    path: str, run: RunData, title: str | None = None, truth: TrueErrors | None = None, of: str = ""
-) -> tuple[int, int]:
+def write_report(path: str, run: RunData, title: str | None = None, truth: TrueErrors | None = None) -> tuple[int, int]:
     """Write the report on a run, whole or not at all; ``-`` is standard output.
 
-    `title` instead of the names of the logs. `truth`: errors of its trajectory by a file `of` true poses. InputError if
+    `title` instead of the names of the logs. `truth`: errors of its trajectory by a file of true poses. InputError if
     the run has no draws, or no image yet.
     Returns its size in bytes, and how many draws are in it.
     """
@@ -44,7 +42,7 @@ def write_report(
         "run": escape(run.name),
         "headline": headline(run),
         "agreement": f"{agreement_line(run)} {trajectory_line(run)}".strip(),
-        "truth": truth_section(truth, of),
+        "truth": truth_section(truth),
         "functionals": functional_table(run),
         "made": origin_table(run),
         "settings": settings_table(run),

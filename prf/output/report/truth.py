@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from prf.configuration import ReadingOptions
 from prf.poses.truth import FEWEST, TrueErrors
 from prf.readings.poses import true_poses
 from prf.results import RunData
@@ -12,7 +13,6 @@ from prf.shell.cli.page import escape
 from prf.shell.errors import InputError
 
 WIDE, HIGH, LEFT, BELOW = 720, 200, 56, 24  # of a diagram, and its margins, in its own units
-GAP = 2.0  # seconds between true poses that are interpolated over
 
 Floats = NDArray[np.float64]
 
@@ -22,16 +22,16 @@ def true_errors(run: RunData, path: str) -> TrueErrors:
     found = run.trajectory
     if found is None or not len(found.draws):
         raise InputError(f"{run.name}: no poses were sampled, so there are none to compare with --truth. Leave it out.")
-    true = true_poses(path, found.scan, found.time, GAP)
+    true = true_poses(path, found.scan, found.time, ReadingOptions().pose_gap)
     if np.isfinite(true[:, 0]).sum() < FEWEST:
         raise InputError(
             f"{path}: fewer than {FEWEST} scans of {run.name} have a true pose. Give one a scan, or times."
         )
-    return TrueErrors.of(found, true)
+    return TrueErrors.of(found, true, path)
 
 
-def truth_section(found: TrueErrors | None, name: str) -> str:
-    """Return the part as markup; `name`: of the file of true poses. Empty without it."""
+def truth_section(found: TrueErrors | None) -> str:
+    """Return the part as markup; empty without it."""
     if found is None:
         return ""
     absolute = _diagram(
@@ -44,7 +44,7 @@ def truth_section(found: TrueErrors | None, name: str) -> str:
     )
     return (
         f'<section class="panel wide" id="truth"><h2>Beside the truth</h2><p>{escape(found.words())}. '
-        f'Truth: {escape(name)}.</p>{absolute}{relative}<p class="note">{note}</p></section>'
+        f'Truth: {escape(found.source)}.</p>{absolute}{relative}<p class="note">{note}</p></section>'
     )
 
 
