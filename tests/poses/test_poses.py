@@ -219,6 +219,7 @@ def _scans_round_the_block(kind, given=None):
     return scans_of(model, readings, 0.03), model.prior
 
 
+@pytest.mark.slow
 def test_odometry_errs_as_scans_show_where_that_is_more_than_was_said(caplog):
     truth = round_the_block()
     drawn = odometry_of(truth, "poor")._replace(slip=0.0).draw(np.random.default_rng(4))
@@ -235,6 +236,7 @@ def test_odometry_errs_as_scans_show_where_that_is_more_than_was_said(caplog):
     assert (right.scale < 1.3).all()
 
 
+@pytest.mark.slow
 def test_a_way_that_a_loop_left_out_opens_is_found():
     """Of two ways of the same evidence the one that strains the odometry less is the likelier."""
     truth = round_the_block()
