@@ -126,7 +126,8 @@ def _report(run: Run, folder: Path, json: bool, asked_steps: int | None) -> None
     judged = ("converged", "converged_seen", "reason", "agreement", "suggested_seconds")
     result |= {name: run.diagnostics[name] for name in judged}
     if run.trajectory is not None:
-        result["trajectory"] = run.trajectory.figures()
+        found = run.trajectory
+        result["trajectory"] = found.figures() | {"slips": found.slip_rows(), "disputed": found.closure_rows()}
     if json:
         storage.emit_object("prf.sample/1", result)
         return

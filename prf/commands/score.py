@@ -85,7 +85,7 @@ def score(
     readings are a log of their own, or scans that the map was not made from: --skip-scans 5::10 there, --scans 5::10
     here. With --pose-noise their poses are integrated out, on any kind of map. -v prints all figures, --json too.
     """
-    from prf.results.score import hold_out, hold_out_sonar, open_map, read_occupied_area, true_cells
+    from prf.results.score import hold_out, hold_out_sonar, open_map, poses_of_run, read_occupied_area, true_cells
     from prf.results.score import score as score_map
     from prf.sampler.prepare import read_configured
     from prf.shell.cli.storage import resolve_seed
@@ -96,7 +96,15 @@ def score(
     configuration = settings.settings
     if configuration.trajectory.pose_noise is not None and (laser is None or sonar is not None):
         raise UsageError("--pose-noise: only a laser's poses are integrated out. Give --laser, and no --sonar.")
+    if configuration.trajectory.step_noise is not None:
+        raise UsageError(
+            "trajectory.odometry: held-out poses are not followed by odometry, only given ones are integrated out. "
+            "Leave it out, and give poses (--poses) and their errors (--pose-noise)."
+        )
     found = open_map(scored)
+    if laser is not None and configuration.readings.poses is None and (own := poses_of_run(scored, laser)):
+        logger.info(f"{laser}: poses of {own['poses']}, as {scored} was sampled with")
+        configuration = configuration.replace(**own)
     readings = read_configured(configuration, laser, sonar)
     beams = None if readings[0] is None else hold_out(readings[0], configuration)
     cones = None if readings[1] is None else hold_out_sonar(readings[1], configuration)

@@ -25,7 +25,7 @@ ROUNDS = 24
 SETTLING = 5
 """Last rounds, with several layouts of the smallest squares together; the mean of all but the first is the result."""
 DRAWING = 10  # rounds of a draw; of fewer all lie too near the poses at which it begins
-LAYOUTS, MOST_ROWS = 8, 500_000  # so many, unless there would be more points of all
+LAYOUTS, MOST_ROWS = 4, 500_000  # so many, unless there would be more points of all
 SMALLEST, LARGEST = 0.4, 1.5  # metres, sides of squares
 NARROW, WIDE = 0.1, 0.5  # metres, and share of the side: distance from a line at which a point counts a quarter
 BLUR = 0.1  # of that distance: how far points are off besides the noise, so that wrong lines pull less than the prior

@@ -16,9 +16,9 @@ from prf.poses.match import search_everywhere
 from prf.poses.pieces import OVERLAP, LoopMatch, Piece, gain
 from prf.poses.plane import Floats, compose, seen_from
 
-DOUBTFUL, LEAST_DOUBT = 2.5, 0.2  # standard deviations, and score, that the fit of such a step lies below the others
+DOUBTFUL, LEAST_DOUBT = 2.5, 0.12  # standard deviations, and score, that the fit of such a step lies below the others
 MOST = 4  # steps that are looked at, the worst first
-AGREE = 0.5  # score of pieces that see the same
+AGREE = 0.8  # score of pieces that see the same
 MOST_MATCHED = 400  # pairs of pieces that are
 MOST_WAYS = 12  # that are judged by the other pieces, a step
 LEAST = 0.2  # by which scores must add up to more than for the step as it was measured

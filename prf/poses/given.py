@@ -10,10 +10,11 @@ import numpy as np
 
 from prf.poses.align import align
 from prf.poses.errors import MEDIAN
+from prf.poses.graph import pull_of
 from prf.poses.model import pose_model
 from prf.poses.plane import in_words, wrapped
 from prf.poses.scans import scans_of
-from prf.poses.start import FAR, pull_of
+from prf.poses.start import FAR
 from prf.readings import Readings
 from prf.shell.errors import ConfigError
 

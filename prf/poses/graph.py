@@ -11,9 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, csc_matrix
 
+from prf.poses.model import PosePrior
 from prf.poses.plane import Floats, seen_from, wrapped
 
 Ints = NDArray[np.int64]
+HELD = 1e6
+"""One over the standard deviation, m or rad, of the first pose where it fixes the frame."""
 
 
 class Relations(NamedTuple):
@@ -95,3 +98,17 @@ class Pull(NamedTuple):
                 values.append(block.ravel())
         place = (np.concatenate(rows), np.concatenate(columns))
         return coo_matrix((np.concatenate(values), place), shape=(3 * n, 3 * n)).tocsc(), right.ravel()
+
+
+def pull_of(prior: PosePrior, poses: Floats | None = None) -> Pull:
+    """Return the density of the poses as errors in standard deviations.
+
+    `poses` (n, 3): where steps pull as they do there, as far as the robot slipped or was carried; else none did.
+    """
+    n, steps = len(prior.given), np.arange(len(prior.motion))
+    sharpness = np.zeros((n, 3)) if prior.is_held else np.tile(1.0 / prior.noise[[0, 0, 1]], (n, 1))
+    if prior.is_held:
+        sharpness[0] = HELD
+    precision = 1.0 / np.square(prior.spread) if poses is None or not len(steps) else prior.precision(poses)
+    root = np.sqrt(precision)[:, :, None] * np.eye(3)
+    return Pull(prior.given, sharpness, Relations(steps, steps + 1, prior.motion, root))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from functools import cached_property
-from typing import NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -165,32 +165,54 @@ class Trajectory:
             return np.zeros(len(self.disputed.tail))
         return np.asarray(np.mean([self.disputed.hold(self.given + draw) for draw in self.draws], axis=0))
 
-    def slips_in_words(self) -> str:
-        """Return where the robot slipped or was carried, how far, and with what probability; empty where nowhere."""
+    def slip_rows(self) -> list[dict[str, Any]]:
+        """Return the steps in which the robot probably slipped or was carried, the largest first.
+
+        scan, t: of the pose before the step; metres, radians: by how much it differs from the odometry's; probability.
+        """
         found = np.flatnonzero(self.slips > 0.5)
         if self.prior is None or not len(found):
-            return ""
+            return []
         off = seen_from(self.mean[found], self.mean[found + 1]) - self.prior.motion[found]
-        off[:, 2] = wrapped(off[:, 2])
-        size = np.hypot(off[:, 0], off[:, 1])
+        size, turn = np.hypot(off[:, 0], off[:, 1]), np.abs(wrapped(off[:, 2]))
+        return [
+            {
+                "scan": int(self.scan[found[k]]),
+                "t": float(self.time[found[k]]),
+                "metres": float(size[k]),
+                "radians": float(turn[k]),
+                "probability": float(self.slips[found[k]]),
+            }
+            for k in np.argsort(-size)
+        ]
+
+    def closure_rows(self) -> list[dict[str, Any]]:
+        """Return the loops of which it is open whether they close: scans (earlier, later), x, y (m), probability."""
+        tail, head = self.disputed.tail, self.disputed.head
+        place = self.mean[tail, :2] if len(tail) else np.zeros((0, 2))
+        return [
+            {"scans": [int(self.scan[a]), int(self.scan[b])], "x": float(x), "y": float(y), "probability": float(share)}
+            for a, b, (x, y), share in zip(tail, head, place, self.closed, strict=True)
+        ]
+
+    def slips_in_words(self) -> str:
+        """Return where the robot slipped or was carried, how far, and with what probability; empty where nowhere."""
+        rows = self.slip_rows()
         parts = []
-        for k in np.argsort(-size)[:MOST_NAMED]:
-            step = found[k]
-            when = "" if math.isnan(self.time[step]) else f" (t {self.time[step]:.1f} s)"
-            by = in_words(float(size[k]), float(abs(off[k, 2])))
-            parts.append(f"after scan {self.scan[step]}{when} by {by}, probability {self.slips[step]:.2f}")
-        more = f", and {len(found) - len(parts)} more" if len(found) > len(parts) else ""
-        return f"slipped or was carried {'; '.join(parts)}{more}"
+        for row in rows[:MOST_NAMED]:
+            when = "" if math.isnan(row["t"]) else f" (t {row['t']:.1f} s)"
+            by = in_words(row["metres"], row["radians"])
+            parts.append(f"after scan {row['scan']}{when} by {by}, probability {row['probability']:.2f}")
+        more = f", and {len(rows) - len(parts)} more" if len(rows) > len(parts) else ""
+        return f"slipped or was carried {'; '.join(parts)}{more}" if rows else ""
 
     def closures_in_words(self) -> str:
         """Return which loops it is open of whether they close, and the probability of each; empty where none."""
-        place = self.mean[self.disputed.tail, :2].tolist() if len(self.disputed.tail) else []
         return "; ".join(
-            f"whether scans {self.scan[tail]} and {self.scan[head]} saw the same place, ({x:.1f}, {y:.1f}): "
-            f"probability {share:.2f}"
-            for head, tail, (x, y), share in zip(
-                self.disputed.head, self.disputed.tail, place, self.closed, strict=True
-            )
+            f"whether scans {earlier} and {later} saw the same place, ({row['x']:.1f}, {row['y']:.1f}): "
+            f"probability {row['probability']:.2f}"
+            for row in self.closure_rows()
+            for earlier, later in [row["scans"]]
         )
 
     def dispute(self) -> str:

@@ -14,7 +14,7 @@ import numpy as np
 from prf.poses.align import align, disturbed
 from prf.poses.errors import independence
 from prf.poses.follow import Followed, follow
-from prf.poses.graph import Pull, Relations, root_of
+from prf.poses.graph import HELD, Pull, pull_of
 from prf.poses.loops import Way, close_loops, closures
 from prf.poses.model import PoseModel, PosePrior
 from prf.poses.pieces import LoopMatch
@@ -25,7 +25,6 @@ from prf.readings import Readings
 logger = logging.getLogger(__name__)
 
 FAR = 5.0  # metres, a usual range: how far an error of the heading moves points
-HELD = 1e6  # one over the standard deviation, m or rad, of the first pose where it fixes the frame
 LEAST_SCALE = 1.3  # times that odometry errs more than was said, from which it is taken to
 LEFT = 0.1  # metres that points lie apart once loops are closed, about
 MOST_POINTS = 200_000  # more add little
@@ -131,20 +130,10 @@ def _as_it_errs(model: PoseModel, scale: Floats) -> PoseModel:
     return found
 
 
-def pull_of(prior: PosePrior) -> Pull:
-    """Return the density of the poses as errors in standard deviations."""
-    n, steps = len(prior.given), np.arange(len(prior.motion))
-    sharpness = np.zeros((n, 3)) if prior.is_held else np.tile(1.0 / prior.noise[[0, 0, 1]], (n, 1))
-    if prior.is_held:
-        sharpness[0] = HELD
-    root = root_of(np.square(prior.spread)[:, :, None] * np.eye(3))
-    return Pull(prior.given, sharpness, Relations(steps, steps + 1, prior.motion, root))
-
-
 def _as_followed(prior: PosePrior, poses: Floats, followed: Followed) -> Pull:
     """Return what pulls poses (n, 3): odometry, and over slips what scans said, or they would slide along corridors."""
-    pull, is_slip = pull_of(prior), prior.parts(poses)[1] > 0.5
-    root = np.sqrt(prior.precision(poses))[:, :, None] * np.eye(3)
-    root[is_slip], motion = followed.steps.root[is_slip], prior.motion.copy()
+    pull, is_slip = pull_of(prior, poses), prior.parts(poses)[1] > 0.5
+    root, motion = pull.relations.root, prior.motion.copy()
+    root[is_slip] = followed.steps.root[is_slip]
     motion[is_slip] = followed.steps.pose[is_slip]
     return pull._replace(relations=pull.relations._replace(pose=motion, root=root))

@@ -26,6 +26,7 @@ from prf.output.run import Run
 from prf.poses.model import Closures, LocalReadings, PoseModel, PosePrior
 from prf.results import PosteriorImage, names
 from prf.results.convergence import outlook, verdict
+from prf.sampler.bends import Fields
 from prf.sampler.chain import ChainRun, Draw
 from prf.sampler.ensemble import Ensemble
 from prf.sampler.prepare import Prepared
@@ -129,7 +130,7 @@ def chain_arrays(run: ChainRun) -> Arrays:
     if run.ladder is not None:
         arrays |= ladder_arrays(run.ladder)
     if run.poses is not None:
-        arrays |= {f"poses.{name}": getattr(run.poses.state, name) for name in POSES}
+        arrays |= {f"poses.{name}": getattr(run.poses.state, name) for name in (*POSES, "field_grid", "fields")}
     without = Coloring.empty(run.target.window, False)
     draws = [draw if draw.step > run.burn_in else dataclasses.replace(draw, coloring=without) for draw in record.draws]
     best = [] if record.best is None else [record.best]
@@ -141,6 +142,7 @@ def restore(run: ChainRun, arrays: Arrays) -> None:
     if run.poses is not None:
         for name in POSES:
             getattr(run.poses.state, name)[:] = arrays[f"poses.{name}"]
+        run.poses.bend(Fields(arrays["poses.field_grid"], arrays["poses.fields"]))
         run.chain = run.poses.place(run.chain, arrays["poses.pose"])
     run.chain = restored_state(run.chain, run.rng, run.target, arrays)
     restore_image(run, arrays)

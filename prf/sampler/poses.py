@@ -24,6 +24,7 @@ from prf.model.layout import make_sites
 from prf.model.ranges import make_beams, make_cones
 from prf.poses.model import LocalReadings, PoseModel
 from prf.poses.plane import wrapped
+from prf.sampler.bends import NO_FIELDS, Fields, soft_fields
 from prf.sampler.schedules import Plain, Steps
 from prf.sampler.target import NO_LASER, NO_SONAR, Target, poses_of, rays_of, repaint, settle_image
 
@@ -31,14 +32,14 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 MAP_STEPS = 4_000
-MOST_MAP_STEPS = 16_000
+MOST_MAP_STEPS = 64_000
 """Steps of the map in a cycle: the least, which has a turn on the whole window and one in a region, and the most. In
 between about as many as there are readings, since a turn of poses lays all of them out."""
-STEPS_PER_POSE = 4
+STEPS_PER_POSE = 2
 LEAST_POSE_STEPS = 200
 MOST_POSE_STEPS = 4_000
 """Steps of poses in a cycle."""
-WARPS = 8.0
+WARPS = 16.0
 """Steps of poses in a cycle that move the map with them, about."""
 FIRST_SPREAD = 0.1
 """Of what a pose may vary by, over the errors of the given ones, before it was measured."""
@@ -133,8 +134,15 @@ class PoseTurns(Plain):
         self.measure(chain)
 
     def measure(self, chain: Chain) -> None:
-        """Scale random walks by what poses may vary by on the present map."""
+        """Scale random walks by what poses may vary by on the present map; find how both can bend together."""
         measure_spread(chain.graph, chain.edge_index, chain.beams, self.state)
+        assert self.target.poses is not None
+        self.bend(soft_fields(chain, self.state, self.target.poses.prior))
+
+    def bend(self, fields: Fields) -> None:
+        """Let proposals displace map and poses by mixtures of these fields."""
+        grid, found = fields
+        self.state = self.state._replace(fields=found, field_grid=grid, mixture=np.zeros(found.shape[1:]))
 
 
 def start_apart(turns: Sequence[PoseTurns], generators: Sequence[np.random.Generator]) -> None:
@@ -174,6 +182,9 @@ def make_poses(target: Target, model: PoseModel, chain: Chain) -> Poses:
         weight=1.0 / prior.spread**2,
         slip=prior.log_slip,
         spread=spread,
+        fields=NO_FIELDS.coefficients,
+        field_grid=NO_FIELDS.grid,
+        mixture=np.zeros(NO_FIELDS.coefficients.shape[1:]),
         beam_start=beam_start,
         beam_of=beam_of,
         beam_local=beam_local,

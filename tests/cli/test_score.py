@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import json
 import tomllib
 from pathlib import Path
@@ -10,7 +11,7 @@ import numpy as np
 import pytest
 import shapely
 
-from prf.readings import write_table
+from prf.readings import read_readings, write_table
 from prf.results import map_text, write_run
 from prf.results.occupancy import occupied_probability, path_free, read_grid
 from tests.cli.calls import prf
@@ -82,6 +83,46 @@ def test_uncertain_poses(folder: Path, table: Path, capsys: pytest.CaptureFixtur
     assert (first["pose_noise"], first["pose_draws"], first["n_beams"], first["n_outside"]) == ([0.05, 0.01], 1, 50, 25)
     assert prf(*args, "--set", "trajectory.pose_noise=[0.05, 0.01]") == 0
     assert json.loads(capsys.readouterr().out) == first
+
+
+def test_odometry_of_held_out_poses_is_refused(folder: Path, table: Path, capsys: pytest.CaptureFixture) -> None:
+    args = ("score", folder / "run", "--laser", table, "--set", "trajectory.odometry=wheels")
+    assert prf(*args) == 2
+    assert "trajectory.odometry" in capsys.readouterr().err
+
+
+def test_scans_of_the_log_of_a_run_have_the_poses_that_it_was_given(
+    log: Path, tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
+    poses = read_readings(str(log)).notes.scans.pose + np.array([1.0, 0.0, 0.0])
+    file = tmp_path / "poses.csv"
+    np.savetxt(file, poses, fmt="%.6f", delimiter=",", header="x,y,theta", comments="")
+    sample = (
+        "sample",
+        "--laser",
+        log,
+        "--every-scan",
+        40,
+        "--poses",
+        file,
+        "--steps",
+        5000,
+        "--chains",
+        1,
+        "--seed",
+        1,
+    )
+    assert prf(*sample, "-o", tmp_path / "run", "-q") == 0
+    found = []
+    for given in ((), ("--poses", file)):
+        capsys.readouterr()
+        assert prf("score", tmp_path / "run", "--laser", log, "--scans", "20::40", *given, "--seed", 1, "--json") == 0
+        found.append(json.loads(capsys.readouterr().out))
+    assert found[0] == found[1]
+    copy = tmp_path / "other.log.gz"
+    copy.write_bytes(log.read_bytes() + gzip.compress(b"# another\n"))
+    assert prf("score", tmp_path / "run", "--laser", copy, "--scans", "20::40", "--seed", 1, "--json") == 0
+    assert json.loads(capsys.readouterr().out)["beam_nll"] != found[0]["beam_nll"]
 
 
 def test_held_out_scans_of_the_log_that_a_grid_was_made_from(

@@ -11,9 +11,11 @@ import shapely
 from prf.kernels import constants as c
 from prf.kernels.poses import match as m
 from prf.kernels.poses import warp as w
+from prf.kernels.poses.state import Poses
 from prf.model.coloring import Coloring, black_at, violations
 from prf.model.layout import make_guards, read_coloring
 from prf.readings.way import way_guards
+from prf.sampler.bends import Fields, splines
 from tests.kernels.entries import parts_are_called
 from tests.reference.pose_worlds import BARE, BOTH, DRIVEN, LASER, PoseWorld, Rig, begin, draw_pose_world, scratch
 from tests.reference.recompute import cell_lists, recompute_edge_cells, recompute_log_prior
@@ -136,66 +138,94 @@ def test_walks_are_scaled_by_what_a_pose_may_vary_by() -> None:
 
 
 CENTRE = (2.5, 3.1)
+GRID = np.array([-1.0, -1.0, 1.5])
+MIXTURE = np.random.default_rng(8).normal(0.0, 0.15, (7, 7, 2))
 
 
-def field(radius: float, x: float, y: float, turn: float) -> np.ndarray:
-    work = np.zeros(48)
+def field(radius: float, x: float = 0.0, y: float = 0.0, turn: float = 0.0) -> Poses:
+    state = begin(draw_pose_world(BARE, np.random.default_rng(5)))[1].state
+    work = state.work
     work[w.CENTRE : w.CENTRE + 2], work[w.RADIUS], work[w.MOTION : w.MOTION + 3] = CENTRE, radius, (x, y, turn)
-    return work
+    return state._replace(field_grid=GRID, mixture=MIXTURE.copy())
 
 
-def moved(work: np.ndarray, point: np.ndarray) -> np.ndarray:
-    assert w.displace(work, *point)
-    return work[w.PLACE : w.PLACE + 2].copy()
+def turn_round(state: Poses) -> None:
+    state.work[w.MOTION : w.MOTION + 3] *= -1.0
+    state.mixture[:] *= -1.0
 
 
-FIELDS = [field(2.0, 0.2, -0.1, 0.2), field(1.0, -0.15, 0.1, -0.15), field(np.inf, 0.3, 0.2, 0.3)]
+def moved(state: Poses, point: np.ndarray) -> np.ndarray:
+    assert w.displace(state, *point)
+    return state.work[w.PLACE : w.PLACE + 2].copy()
 
 
-@pytest.mark.parametrize("work", FIELDS, ids=["wide", "narrow", "all"])
-def test_the_opposite_field_leads_back(work: np.ndarray) -> None:
-    rng, still = np.random.default_rng(1), 0
+FIELDS = pytest.mark.parametrize(
+    "field_of",
+    [(2.0, 0.2, -0.1, 0.2), (1.0, -0.15, 0.1, -0.15), (np.inf, 0.3, 0.2, 0.3), (0.0,)],
+    ids=["wide", "narrow", "all", "mixture"],
+)
+
+
+@FIELDS
+def test_the_opposite_field_leads_back(field_of: tuple[float, ...]) -> None:
+    rng, still, state = np.random.default_rng(1), 0, field(*field_of)
     for point in rng.uniform(0.5, 4.5, (100, 2)):
-        there = moved(work, point)
-        log_scaled, turned = work[w.LOG_SCALED], work[w.TURNED]
-        work[w.MOTION : w.MOTION + 3] *= -1.0
-        np.testing.assert_allclose(moved(work, there), point, rtol=0.0, atol=1e-12)
-        assert work[w.LOG_SCALED] == pytest.approx(-log_scaled, abs=1e-11)
-        assert work[w.TURNED] == pytest.approx(-turned, abs=1e-11)
-        work[w.MOTION : w.MOTION + 3] *= -1.0
+        there = moved(state, point)
+        log_scaled, turned = state.work[w.LOG_SCALED], state.work[w.TURNED]
+        turn_round(state)
+        np.testing.assert_allclose(moved(state, there), point, rtol=0.0, atol=1e-12)
+        assert state.work[w.LOG_SCALED] == pytest.approx(-log_scaled, abs=1e-11)
+        assert state.work[w.TURNED] == pytest.approx(-turned, abs=1e-11)
+        turn_round(state)
         still += bool((there == point).all())
-    assert (still > 5) == np.isfinite(work[w.RADIUS])
+    assert (still > 5) == (0.0 < field_of[0] < np.inf)
 
 
-@pytest.mark.parametrize("work", FIELDS, ids=["wide", "narrow", "all"])
-def test_its_jacobian_and_its_turn_are_those_of_differences(work: np.ndarray) -> None:
-    rng = np.random.default_rng(2)
+@FIELDS
+def test_its_jacobian_and_its_turn_are_those_of_differences(field_of: tuple[float, ...]) -> None:
+    rng, state = np.random.default_rng(2), field(*field_of)
     for point in rng.uniform(1.8, 3.2, (50, 2)):
         steps = 1e-5 * np.eye(2)
-        slope = np.array([(moved(work, point + step) - moved(work, point - step)) / 2e-5 for step in steps]).T
-        moved(work, point)
-        assert work[w.LOG_SCALED] == pytest.approx(np.log(np.linalg.det(slope)), abs=1e-8)
+        slope = np.array([(moved(state, point + step) - moved(state, point - step)) / 2e-5 for step in steps]).T
+        moved(state, point)
+        assert state.work[w.LOG_SCALED] == pytest.approx(np.log(np.linalg.det(slope)), abs=1e-8)
         left, _, right = np.linalg.svd(slope)
         nearest = left @ right
-        assert work[w.TURNED] == pytest.approx(np.arctan2(nearest[1, 0], nearest[0, 0]), abs=1e-8)
+        assert state.work[w.TURNED] == pytest.approx(np.arctan2(nearest[1, 0], nearest[0, 0]), abs=1e-8)
+
+
+def test_a_mixture_is_the_splines_of_its_coefficients() -> None:
+    state, places = field(0.0), np.random.default_rng(4).uniform(0.0, 6.0, (40, 2))
+    matrices = splines(places, GRID, (7, 7))
+    expected = np.stack([matrix @ MIXTURE.reshape(49, 2) for matrix in matrices], axis=2)
+    for place, (by_x, by_y) in zip(places, expected, strict=True):
+        w.mixture_at(state, *place)
+        found = state.work[[w.MOVED, w.SLOPES, w.SLOPES + 1, w.MOVED + 1, w.SLOPES + 2, w.SLOPES + 3]]
+        np.testing.assert_allclose(found, [*by_x, *by_y], rtol=0.0, atol=1e-14)
 
 
 def test_a_field_that_is_used_moves_no_two_points_to_one_place() -> None:
     """Half of its slope is below 1/2 wherever it acts; steeper ones are drawn, and not used."""
     rng = np.random.default_rng(3)
     chain, turns = begin(draw_pose_world(BARE, rng))
-    state, used = turns.state, 0
+    turns.bend(Fields(GRID, 3.0 * np.stack([MIXTURE, MIXTURE[::-1]])))
+    state, used, mixed = turns.state, 0, 0
     for _ in range(300):
         if not w.draw_field(chain.graph.window, state, rng):
             continue
         used += 1
+        is_mixture = state.work[w.RADIUS] == 0.0
+        mixed += is_mixture
         centre, radius = state.work[w.CENTRE : w.CENTRE + 2], min(state.work[w.RADIUS], 3.0)
+        if is_mixture:
+            centre, radius = np.array([3.0, 3.0]), 3.0
         points = centre + rng.uniform(-radius, radius, (8, 2))
         for one, other in itertools.pairwise(points):
             gap = np.hypot(*(one - other))
-            apart = np.hypot(*(moved(state.work, one) - moved(state.work, other)))
+            apart = np.hypot(*(moved(state, one) - moved(state, other)))
             assert gap / 3.0 < apart < 3.0 * gap  # (1 + 1/2) / (1 - 1/2)
     assert 50 < used < 290
+    assert 10 < mixed < 140
 
 
 def warped(world: PoseWorld, tries: int, seed: int, way: np.ndarray | None = None):  # type: ignore[no-untyped-def]

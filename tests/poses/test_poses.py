@@ -12,7 +12,7 @@ from prf.configuration import ODOMETRY, Configuration
 from prf.poses.carried import doubtful
 from prf.poses.follow import follow
 from prf.poses.given import given_errors, pose_noise
-from prf.poses.graph import Pull, Relations, errors, root_of
+from prf.poses.graph import Pull, Relations, errors, pull_of, root_of
 from prf.poses.loops import _settled, close_loops
 from prf.poses.match import place_of, search
 from prf.poses.model import Closures, PosePrior, pose_model
@@ -20,7 +20,7 @@ from prf.poses.pieces import LoopMatch, cut, gain
 from prf.poses.plane import compose, seen_from, wrapped
 from prf.poses.posterior import Trajectory, pose_functionals
 from prf.poses.scans import scans_of
-from prf.poses.start import find_start, find_trajectory, pull_of
+from prf.poses.start import find_start, find_trajectory
 from prf.readings import Readings
 from prf.sampler.ensemble import Ensemble
 from prf.sampler.prepare import prepare

@@ -21,6 +21,7 @@ from prf.model import layout
 from prf.model.coloring import Draws, black_areas, black_at
 from prf.model.layout import read_coloring
 from prf.poses.plane import seen_from, wrapped
+from prf.sampler.bends import Fields
 from prf.sampler.poses import PoseTurns
 from tests.reference import pose_worlds
 from tests.reference.pose_worlds import PoseWorld, Rig, begin, draw_pose_world
@@ -31,6 +32,8 @@ STEPS = 100
 SPREAD = np.array([0.05, 0.0, 0.05, 0.0, 0.0, 0.05])
 """Root of what poses are taken to vary by. It must not depend on the world."""
 N_PLACES = 6
+BENDS = Fields(np.array([-1.0, -1.0, 1.5]), np.random.default_rng(1).normal(0.0, 0.15, (3, 8, 8, 2)))
+"""Along which map and poses bend together. They must not depend on the world."""
 
 
 def values(chain: Chain, turns: PoseTurns, world: PoseWorld) -> dict[str, float]:
@@ -69,6 +72,7 @@ def trials(rig: Rig, n: int, seed: int, warps: float, steps: int = STEPS) -> tup
             chain, turns = begin(world)
         turns.state.spread[:] = SPREAD
         turns.warps = warps
+        turns.bend(BENDS)
         before = values(chain, turns, world)
         after = values(turns.move(chain, rng, steps), turns, world)
         accepted, names = accepted + turns.state.outcomes[:, c.ACCEPTED], list(before)

@@ -53,6 +53,9 @@ class Poses(NamedTuple):
     weight: Array  # (n - 1, 3) f8 precision of that
     slip: Array  # (n - 1, 2) f8 log densities of a slip, and of being carried, without error, over that of no error
     spread: Array  # (n, 6) f8 lower triangle, by rows, of a square root of what a pose may vary by, the map given
+    fields: Array  # (k, ny, nx, 2) f8 m, coefficients of fields of motion along which scans can bend together
+    field_grid: Array  # (3,) f8 m, place of the coefficients 0, 0, and the side of their squares
+    mixture: Array  # (ny, nx, 2) f8 m, coefficients of a mixture of these
     beam_start: Array  # (n + 1,) i8
     beam_of: Array  # (n_beams,) i4
     beam_local: Array  # (n_beams, N_LOCAL) f8

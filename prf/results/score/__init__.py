@@ -2,7 +2,7 @@
 
 from prf.results.geojson import OccupiedArea, read_occupied_area
 from prf.results.score.heldout import HeldOut, HeldOutSonar, hold_out, hold_out_sonar
-from prf.results.score.maps import DrawsMap, GridMap, PolygonMap, ScoredMap, open_map
+from prf.results.score.maps import DrawsMap, GridMap, PolygonMap, ScoredMap, open_map, poses_of_run
 from prf.results.score.score import (
     LabelledPoints,
     classification_scores,
@@ -26,6 +26,7 @@ __all__ = [
     "hold_out",
     "hold_out_sonar",
     "open_map",
+    "poses_of_run",
     "ranking_area",
     "read_occupied_area",
     "score",

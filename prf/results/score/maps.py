@@ -7,6 +7,7 @@ import os
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import shapely
@@ -26,7 +27,10 @@ from prf.results.occupancy import occupied_probability as cells_occupied
 from prf.results.score.heldout import HeldOut, HeldOutSonar
 from prf.results.score.returns import Returns, return_probability, returns_of_run, spread_over
 from prf.results.score.scene import enclosing_window, first_edges, outline, scene_of_coloring, scene_of_region
+from prf.shell.cli.storage import describe_input
 from prf.shell.errors import InputError
+
+POSE_SETTINGS = ("poses", "pose_mount", "pose_gap", "pose_offset", "pose_quaternion")
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -280,6 +284,17 @@ ScoredMap = PolygonalMaps | GridMap
 def contours_of(grid: OccupancyGrid) -> BaseGeometry:
     """Return the area of all cells above 0.5, its staircases straightened."""
     return area_of_cells(grid.occupancy > OCCUPIED, grid.origin, grid.resolution)
+
+
+def poses_of_run(path: str | os.PathLike[str], log: str) -> dict[str, Any]:
+    """Return the settings, by name, of the file of poses with which the RUN `path` read the same log; empty without."""
+    if not Path(path).is_dir():
+        return {}
+    manifest = read_run_data(path, parts=()).manifest
+    own = {name: manifest["configuration"].get(name) for name in POSE_SETTINGS}
+    if own["poses"] is None or (digest := describe_input(log)["sha256"]) is None:
+        return {}
+    return own if any(row["sha256"] == digest for row in manifest["inputs"]) else {}
 
 
 def open_map(path: str | os.PathLike[str]) -> ScoredMap:
