@@ -2,7 +2,7 @@
 
 A loop of corridors can bend by centimetres as a whole where no wall and no pose can move by a millimetre alone. Its
 softest directions are those of the normal equations of all poses and vertices at once, among the displacements that a
-field can make: what a mixture of these proposes (:mod:`prf.kernels.poses.warp`) the readings hardly contradict.
+field can make: what a mixture of these proposes (:mod:`prf.kernels.poses.field`) the readings hardly contradict.
 """
 
 from __future__ import annotations

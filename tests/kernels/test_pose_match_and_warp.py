@@ -9,6 +9,7 @@ import pytest
 import shapely
 
 from prf.kernels import constants as c
+from prf.kernels.poses import field as f
 from prf.kernels.poses import match as m
 from prf.kernels.poses import warp as w
 from prf.kernels.poses.state import Poses
@@ -145,18 +146,18 @@ MIXTURE = np.random.default_rng(8).normal(0.0, 0.15, (7, 7, 2))
 def field(radius: float, x: float = 0.0, y: float = 0.0, turn: float = 0.0) -> Poses:
     state = begin(draw_pose_world(BARE, np.random.default_rng(5)))[1].state
     work = state.work
-    work[w.CENTRE : w.CENTRE + 2], work[w.RADIUS], work[w.MOTION : w.MOTION + 3] = CENTRE, radius, (x, y, turn)
+    work[f.CENTRE : f.CENTRE + 2], work[f.RADIUS], work[f.MOTION : f.MOTION + 3] = CENTRE, radius, (x, y, turn)
     return state._replace(field_grid=GRID, mixture=MIXTURE.copy())
 
 
 def turn_round(state: Poses) -> None:
-    state.work[w.MOTION : w.MOTION + 3] *= -1.0
+    state.work[f.MOTION : f.MOTION + 3] *= -1.0
     state.mixture[:] *= -1.0
 
 
 def moved(state: Poses, point: np.ndarray) -> np.ndarray:
-    assert w.displace(state, *point)
-    return state.work[w.PLACE : w.PLACE + 2].copy()
+    assert f.displace(state, *point)
+    return state.work[f.PLACE : f.PLACE + 2].copy()
 
 
 FIELDS = pytest.mark.parametrize(
@@ -171,11 +172,11 @@ def test_the_opposite_field_leads_back(field_of: tuple[float, ...]) -> None:
     rng, still, state = np.random.default_rng(1), 0, field(*field_of)
     for point in rng.uniform(0.5, 4.5, (100, 2)):
         there = moved(state, point)
-        log_scaled, turned = state.work[w.LOG_SCALED], state.work[w.TURNED]
+        log_scaled, turned = state.work[f.LOG_SCALED], state.work[f.TURNED]
         turn_round(state)
         np.testing.assert_allclose(moved(state, there), point, rtol=0.0, atol=1e-12)
-        assert state.work[w.LOG_SCALED] == pytest.approx(-log_scaled, abs=1e-11)
-        assert state.work[w.TURNED] == pytest.approx(-turned, abs=1e-11)
+        assert state.work[f.LOG_SCALED] == pytest.approx(-log_scaled, abs=1e-11)
+        assert state.work[f.TURNED] == pytest.approx(-turned, abs=1e-11)
         turn_round(state)
         still += bool((there == point).all())
     assert (still > 5) == (0.0 < field_of[0] < np.inf)
@@ -188,10 +189,10 @@ def test_its_jacobian_and_its_turn_are_those_of_differences(field_of: tuple[floa
         steps = 1e-5 * np.eye(2)
         slope = np.array([(moved(state, point + step) - moved(state, point - step)) / 2e-5 for step in steps]).T
         moved(state, point)
-        assert state.work[w.LOG_SCALED] == pytest.approx(np.log(np.linalg.det(slope)), abs=1e-8)
+        assert state.work[f.LOG_SCALED] == pytest.approx(np.log(np.linalg.det(slope)), abs=1e-8)
         left, _, right = np.linalg.svd(slope)
         nearest = left @ right
-        assert state.work[w.TURNED] == pytest.approx(np.arctan2(nearest[1, 0], nearest[0, 0]), abs=1e-8)
+        assert state.work[f.TURNED] == pytest.approx(np.arctan2(nearest[1, 0], nearest[0, 0]), abs=1e-8)
 
 
 def test_a_mixture_is_the_splines_of_its_coefficients() -> None:
@@ -199,8 +200,8 @@ def test_a_mixture_is_the_splines_of_its_coefficients() -> None:
     matrices = splines(places, GRID, (7, 7))
     expected = np.stack([matrix @ MIXTURE.reshape(49, 2) for matrix in matrices], axis=2)
     for place, (by_x, by_y) in zip(places, expected, strict=True):
-        w.mixture_at(state, *place)
-        found = state.work[[w.MOVED, w.SLOPES, w.SLOPES + 1, w.MOVED + 1, w.SLOPES + 2, w.SLOPES + 3]]
+        f.mixture_at(state, *place)
+        found = state.work[[f.MOVED, f.SLOPES, f.SLOPES + 1, f.MOVED + 1, f.SLOPES + 2, f.SLOPES + 3]]
         np.testing.assert_allclose(found, [*by_x, *by_y], rtol=0.0, atol=1e-14)
 
 
@@ -211,12 +212,12 @@ def test_a_field_that_is_used_moves_no_two_points_to_one_place() -> None:
     turns.bend(Fields(GRID, 3.0 * np.stack([MIXTURE, MIXTURE[::-1]])))
     state, used, mixed = turns.state, 0, 0
     for _ in range(300):
-        if not w.draw_field(chain.graph.window, state, rng):
+        if not f.draw_field(chain.graph.window, state, rng):
             continue
         used += 1
-        is_mixture = state.work[w.RADIUS] == 0.0
+        is_mixture = state.work[f.RADIUS] == 0.0
         mixed += is_mixture
-        centre, radius = state.work[w.CENTRE : w.CENTRE + 2], min(state.work[w.RADIUS], 3.0)
+        centre, radius = state.work[f.CENTRE : f.CENTRE + 2], min(state.work[f.RADIUS], 3.0)
         if is_mixture:
             centre, radius = np.array([3.0, 3.0]), 3.0
         points = centre + rng.uniform(-radius, radius, (8, 2))
