@@ -18,10 +18,11 @@ from prf.poses.plane import Floats, compose, seen_from
 
 DOUBTFUL, LEAST_DOUBT = 2.5, 0.12  # standard deviations, and score, that the fit of such a step lies below the others
 MOST = 4  # steps that are looked at, the worst first
-AGREE = 0.8  # score of pieces that see the same
+AGREE = 0.5  # score of pieces that see the same
 MOST_MATCHED = 400  # pairs of pieces that are
 MOST_WAYS = 12  # that are judged by the other pieces, a step
-LEAST = 0.2  # by which scores must add up to more than for the step as it was measured
+CLEAR = 0.8  # score of a match that hardly lies
+LEAST, LEAST_UNCLEAR = 0.2, 3.5  # by which scores must add up to more than for the step as it was measured
 
 
 class Landing(NamedTuple):
@@ -64,7 +65,8 @@ def landings(pieces: Sequence[Piece], poses: Floats, steps: Sequence[int]) -> li
             if match.over(step) and not any(match.holds(other) for other in judged):
                 judged.append(_moved(poses, step, match))
                 found.append(Landing(step, match, judged[-1], gain(over[step], pieces, poses, judged[-1])))
-    return sorted((each for each in found if each.gain > LEAST), key=lambda landing: -landing.gain)
+    kept = (each for each in found if each.gain > (LEAST if each.match.score > CLEAR else LEAST_UNCLEAR))
+    return sorted(kept, key=lambda landing: -landing.gain)
 
 
 def _matches(tail: Piece, head: Piece) -> list[LoopMatch]:
