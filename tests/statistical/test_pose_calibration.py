@@ -101,7 +101,8 @@ def rank_worlds(rig: Rig, n_worlds: int, noise: float = 1.0) -> Calibration:
 
 ARMS = {
     "laser": (SMALL, 200),
-    "odometry": (SMALL._replace(noise=None, odometry=DRIVEN.odometry), 100),
+    "odometry": (SMALL._replace(noise=None, odometry=DRIVEN.odometry), 200),
+    "slips": (SMALL._replace(noise=None, odometry=DRIVEN.odometry, slip=0.3), 200),
     "laser, sonar and odometry": (SMALL._replace(n_beams=6, n_cones=4, odometry=BOTH.odometry, ring=NEAR), 100),
 }
 
