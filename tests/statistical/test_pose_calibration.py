@@ -37,7 +37,7 @@ MAP_STEPS = 2_000
 MOST_RHAT = 1.2
 PLACES = np.array([(2.0, 2.0), (2.5, 3.5), (3.2, 3.0), (4.0, 2.5)])
 CONFIDENCE = 0.998
-"""Of the band of each quantity: of some 15 in three arms, with seeds that are fixed, one lies outside once in 12."""
+"""Of the band of each quantity: of some 15 in four arms, with seeds that are fixed, one lies outside once in 9."""
 
 
 def quantities(draws: Draws, offset: NDArray[np.float64], log_likelihood: NDArray[np.float64]) -> dict[str, NDArray]:
