@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from prf.configuration import SCORE_DEFAULTS, Configuration
+from prf.configuration import SCORE_DEFAULTS, Configuration, PoseOptions
 from prf.shell.cli.options import Json, Seed, with_settings
 from prf.shell.cli.settings import Loaded
 
@@ -94,13 +94,7 @@ def score(
     if laser is None and sonar is None and truth is None:
         raise UsageError("Nothing to score by: give --laser HELDOUT, --sonar HELDOUT or --truth PLAN.geojson.")
     configuration = settings.settings
-    if configuration.trajectory.pose_noise is not None and (laser is None or sonar is not None):
-        raise UsageError("--pose-noise: only a laser's poses are integrated out. Give --laser, and no --sonar.")
-    if configuration.trajectory.step_noise is not None:
-        raise UsageError(
-            "trajectory.odometry: held-out poses are not followed by odometry, only given ones are integrated out. "
-            "Leave it out, and give poses (--poses) and their errors (--pose-noise)."
-        )
+    _check_poses(configuration.trajectory, laser, sonar)
     found = open_map(scored)
     if laser is not None and configuration.readings.poses is None and (own := poses_of_run(scored, laser)):
         logger.info(f"{laser}: poses of {own['poses']}, as {scored} was sampled with")
@@ -112,6 +106,19 @@ def score(
     result = score_map(found, beams, None if laser is None else resolve_seed(seed), cones, cells, square)
     _warn(scored, result)
     _report(result, json)
+
+
+def _check_poses(options: PoseOptions, laser: str | None, sonar: str | None) -> None:
+    """Refuse poses that are uncertain in a way that cannot be scored."""
+    from prf.shell.errors import UsageError
+
+    if options.pose_noise is not None and (laser is None or sonar is not None):
+        raise UsageError("--pose-noise: only a laser's poses are integrated out. Give --laser, and no --sonar.")
+    if options.step_noise is not None:
+        raise UsageError(
+            "trajectory.odometry: held-out poses are not followed by odometry, only given ones are integrated out. "
+            "Leave it out, and give poses (--poses) and their errors (--pose-noise)."
+        )
 
 
 def _warn(scored: str, result: dict[str, Any]) -> None:

@@ -69,7 +69,7 @@ def test_the_normal_matrix_is_that_of_differences(rig: Rig) -> None:
 
 
 @RIGS
-def test_readings_and_prior_hold_a_field_to_one_standard_deviation(rig: Rig) -> None:
+def test_the_fields_of_a_map_are_finite_and_warps_by_them_accepted(rig: Rig) -> None:
     rng = np.random.default_rng(1)
     world = draw_pose_world(rig, rng)
     chain, turns = begin(world)
