@@ -9,7 +9,16 @@ from typing import Any, ClassVar, Literal, Self
 
 from pydantic import field_validator
 
-from prf.model.sensors import FACTOR, LARGEST_RANGE, LENGTH, LaserModel, PointModel, SonarModel, window_fault
+from prf.model.sensors import (
+    FACTOR,
+    LARGEST_RANGE,
+    LENGTH,
+    MOST_ORIENTATION,
+    LaserModel,
+    PointModel,
+    SonarModel,
+    window_fault,
+)
 from prf.shell.cli.settings import Loaded, SettingError, Table, Tree, build, key, places_of
 from prf.shell.errors import ArgumentError
 
@@ -50,6 +59,21 @@ class Prior(Table):
         flag="X0 Y0 X1 Y1",
         unset="all sensors and 99.5 % of the returns + 1 m",
     )
+
+    orientation: float | Literal["sampled"] = key(
+        0.0,
+        "",
+        "how much edges prefer two directions at right angles, from 0; sampled: as the readings tell",
+    )
+    orientation_angle: float | Literal["sampled"] = key("sampled", "rad", "one of these directions, or sampled")
+    free_space: float = key(0.0, "1/m²", "cost of black ground, nats a square metre", ge=0.0, le=1e6)
+
+    @field_validator("orientation")
+    @classmethod
+    def _is_strength(cls, strength: float | str) -> float | str:
+        if isinstance(strength, float) and not 0.0 <= strength <= MOST_ORIENTATION:
+            raise ValueError(f"must be from 0 to {MOST_ORIENTATION:g}, or sampled")
+        return strength
 
     @field_validator("window")
     @classmethod

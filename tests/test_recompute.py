@@ -21,6 +21,7 @@ from prf.kernels.step import run
 from prf.model.arak import exact_draws
 from prf.model.coloring import Coloring, black_at
 from prf.model.layout import grow, make_targets, read_coloring
+from prf.model.orientation import Orientation
 from prf.model.sensors import LaserModel
 from prf.model.window import Window
 from prf.readings.way import STRAIGHT
@@ -38,7 +39,7 @@ from prf.sampler.target import (
 )
 from tests.reference.beams import Sensor
 from tests.reference.chain_state import structural_faults
-from tests.reference.recompute import differences
+from tests.reference.recompute import differences, is_close, recompute_log_prior
 from tests.reference.slow_points import Flips, Normal, lattice, observe
 from tests.reference.slow_sonar import Ring
 from tests.reference.sonar_worlds import draw_data, draw_sonar_world, ring_all_round
@@ -110,6 +111,20 @@ def test_twins_agree_from_a_draw_of_the_prior() -> None:
     chain = make_chain(Target(ROOM, 0.25, execution=Execution(resolution=0.5, cell=1.0)), start)
     _, n_accepted = follow(chain, np.random.default_rng(0), 1500)
     assert n_accepted > 300
+
+
+@pytest.mark.parametrize("share", [0.2, pytest.param(3.0, marks=SLOW)])
+def test_twins_agree_where_directions_and_free_space_are_preferred(share: float) -> None:
+    """Black in black and loops that enclose others among them; edges slide along old ones."""
+    window = Window(0.0, 0.0, 3.0, 2.0)
+    target = Target(window, 1.0, orientation=Orientation(1.5, 0.3), free_space=0.7, execution=Execution(cell=0.3))
+    chain = make_chain(target, exact_draws(1.0, window, 1, np.random.default_rng(0))[0])
+    n_accepted = 0
+    for now in states(chain, np.random.default_rng(1), round(share * 5000)):
+        n_accepted += 1
+        found, twin = float(now.graph.sums[c.LOG_PRIOR]), recompute_log_prior(now)
+        assert is_close(found, twin), f"step {now.graph.counts[c.STEP]}: {found} and {twin}"
+    assert n_accepted > share * 400
 
 
 @pytest.mark.parametrize("at_truth", [False, True], ids=["from white", "from the truth"])

@@ -7,18 +7,17 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from prf.configuration import Configuration
+from prf.configuration import Configuration, Prior
 from prf.shell.cli.options import Force, Json, Output, Seed, with_settings
 from prf.shell.cli.settings import Loaded
 
 if TYPE_CHECKING:
     from prf.model.coloring import Draws
-    from prf.model.window import Window
 
 EXAMPLES = (
     "prf prior --scale 1 --window 0 0 1 1 --draws 1000 --method exact --seed 1 -o draws.geojsonl",
     "prf prior --scale 0.4 --window -5 -5 5 5 --draws 500 --method mcmc --seed 1 --json",
-    "prf prior --scale 0.1 --window 0 0 40 30 --draws 1 -o - | head -c 300",
+    "prf prior --scale 0.1 --window 0 0 40 30 --set prior.orientation=4 --draws 1 -o - | head -c 300",
 )
 
 
@@ -51,7 +50,7 @@ def prior(
     """
     from prf.model.arak import compare
     from prf.model.coloring import feature_lines
-    from prf.model.window import Window
+    from prf.model.orientation import Orientation
     from prf.shell.cli import storage
     from prf.shell.cli.console import say_beside
     from prf.shell.cli.files import open_output
@@ -59,24 +58,28 @@ def prior(
     from prf.shell.cli.storage import resolve_seed
     from prf.shell.errors import UsageError
 
-    scale, window = settings.settings.prior.scale, settings.settings.prior.window
-    if window is None:
+    known = settings.settings.prior
+    if known.window is None:
         raise UsageError("prf prior has no readings to choose a window by: give --window X0 Y0 X1 Y1.")
     if thin is not None and method == "exact":
         raise UsageError("--thin is for --method mcmc: exact draws are independent.")
     if output is not None:
         claim_output(output, force, suffixes=(".geojsonl", ".geojson", ".txt"), json=json)
     used_seed = resolve_seed(seed)
-    drawn, used_thin = _draw(method, scale, Window(*window), draws, thin, used_seed)
+    drawn, used_thin = _draw(method, known, draws, thin, used_seed)
     if output is not None:
         with open_output(output) as stream:
             stream.writelines(f"{line}\n" for line in feature_lines(drawn))
-    comparison = compare(drawn, scale)
+    orientation = Orientation.of(known.orientation, known.orientation_angle)
+    comparison = compare(drawn, known.scale, orientation, known.free_space)
     if json:
         made = {
             "method": method,
-            "scale": scale,
-            "window": list(window),
+            "scale": known.scale,
+            "window": list(known.window),
+            "orientation": known.orientation,
+            "orientation_angle": known.orientation_angle,
+            "free_space": known.free_space,
             "seed": used_seed,
             "thin": used_thin,
         }
@@ -87,26 +90,37 @@ def prior(
         say(line)
 
 
-def _draw(
-    method: Method, scale: float, window: Window, n_draws: int, thin: int | None, seed: int
-) -> tuple[Draws, int | None]:
+def _draw(method: Method, known: Prior, n_draws: int, thin: int | None, seed: int) -> tuple[Draws, int | None]:
     """Return the draws, and the steps between two draws of the chain (None for exact draws)."""
+    from prf.model.orientation import Orientation
+    from prf.model.window import Window
+
+    assert known.window is not None
+    scale, window = known.scale, Window(*known.window)
+    orientation = Orientation.of(known.orientation, known.orientation_angle)
     if method == "exact":
         from prf.model.arak import exact_draws
         from prf.shell.cli.storage import spawn_generators
 
-        return exact_draws(scale, window, n_draws, spawn_generators(seed, 1)[0]), None
+        rng = spawn_generators(seed, 1)[0]
+        return exact_draws(scale, window, n_draws, rng, orientation, known.free_space), None
     from prf.sampler.prior import mcmc_draws
 
-    return mcmc_draws(scale, window, n_draws, thin, seed)
+    return mcmc_draws(scale, window, n_draws, thin, seed, orientation, known.free_space)
 
 
-def _lines(comparison: Mapping[str, float], seed: int, thin: int | None) -> list[str]:
+def _lines(comparison: Mapping[str, float | None], seed: int, thin: int | None) -> list[str]:
     """Return the table for a person."""
+
+    def law(name: str, unit: str) -> str:
+        expected = comparison[f"expected_{name}"]
+        known = "no exact law" if expected is None else f"by the exact law {expected:.4f}{unit}"
+        return f"mean {comparison[f'mean_{name}']:.4f}{unit}, {known}"
+
     return [
         f"draws       {comparison['n_draws']}",
-        f"edges       mean {comparison['mean_edges']:.4f}, by the exact law {comparison['expected_edges']:.4f}",
-        f"length      mean {comparison['mean_length']:.4f} m, by the exact law {comparison['expected_length']:.4f} m",
+        f"edges       {law('edges', '')}",
+        f"length      {law('length', ' m')}",
         f"seed        {seed}",
         f"thin        {'independent draws' if thin is None else f'{thin} steps from draw to draw'}",
     ]

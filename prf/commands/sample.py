@@ -128,6 +128,8 @@ def _report(run: Run, folder: Path, json: bool, asked_steps: int | None) -> None
     if run.trajectory is not None:
         found = run.trajectory
         result["trajectory"] = found.figures() | {"slips": found.slip_rows(), "disputed": found.closure_rows()}
+    if run.building is not None:
+        result["building"] = run.building
     if json:
         storage.emit_object("prf.sample/1", result)
         return
@@ -161,10 +163,26 @@ def _summary(run: Run, folder: Path, asked_steps: int | None) -> Iterator[str]:
         yield advice
     if run.trajectory is not None and len(run.trajectory.draws):
         yield f"Trajectory: {run.trajectory.words()}; {folder}/trajectory.csv"
+    if run.building is not None:
+        yield _building(run.building)
     yield f"picture   {folder}/posterior.png"
     if run.best:
         yield f"best map  {folder}/map.geojson"
     yield f"run       {folder}/; as one page: prf report {shlex.quote(str(folder))}"
+
+
+def _building(building: dict[str, float]) -> str:
+    """Return in words which directions the walls have."""
+    import math
+
+    angle, error = math.degrees(building["angle"]), math.degrees(building["angle_sd"])
+    strength = f"{building['orientation']:.1f}" + (
+        f" (standard deviation {building['orientation_sd']:.1f})" if building["orientation_sd"] > 0.0 else ""
+    )
+    return (
+        f"Building: walls run at {angle:.2f} and {(angle + 90.0) % 180.0:.2f} degrees "
+        f"(standard deviation {error:.2f}); orientation {strength}."
+    )
 
 
 def _readings(run: Run) -> str:

@@ -16,6 +16,7 @@ from prf.kernels.readings.laser_change import touch_beams
 from prf.kernels.readings.points import gain_inside
 from prf.kernels.readings.sonar_change import sonar_change, touch_cones
 from prf.kernels.state.chain import Chain
+from prf.kernels.state.free_space import black_change
 from prf.kernels.state.guards import blocked_change, is_barred
 from prf.kernels.state.prior import log_line_prior_change, log_prior_change
 from prf.kernels.state.proposal import N_LOOP
@@ -33,10 +34,11 @@ def log_proposal_ratio(move_probabilities: Array, move: int, log_forward: float,
 
 
 @spine
-def needed_gain(chain: Chain, margin: float) -> float:
+def needed_gain(chain: Chain, margin: float, tilt: float) -> float:
     """The change of log likelihood that a proposal must exceed to be accepted; inf where none will do.
 
-    `margin` is what is missing to the threshold after prior and proposal ratio. The target is h exp(E) with
+    `margin` is what is missing to the threshold after prior and proposal ratio, `tilt` what free space adds to the log
+    prior. The target is h exp(E) with
     E = power (log likelihood - cost * (occupied sensors + blocked pieces of the way)), times
     exp((t - 1) (log prior over lines + E)) at an inverse temperature t: power and cost are those of a level of parallel
     tempering, t that of annealing.
@@ -50,7 +52,8 @@ def needed_gain(chain: Chain, margin: float) -> float:
         return math.inf
     beta, power = density[c.INVERSE_TEMPERATURE], density[c.LIKELIHOOD_POWER]
     if beta != 1.0:
-        margin = (margin - (beta - 1.0) * log_line_prior_change(chain.graph, proposal, density[c.SCALE])) / beta
+        line_prior = log_line_prior_change(chain.graph, proposal, density[c.SCALE], chain.lines) + tilt
+        margin = (margin - (beta - 1.0) * line_prior) / beta
     if power == 0.0:
         return -math.inf if margin < 0.0 else math.inf
     if power != 1.0:
@@ -74,13 +77,16 @@ def accept(
     proposal_ratio = log_proposal_ratio(chain.move_probabilities, move, log_forward, log_reverse)
     if proposal_ratio == -math.inf:
         return False, 0.0, 0.0
-    prior = log_prior_change(graph, proposal, chain.density[c.SCALE])
+    prior, tilt = log_prior_change(graph, proposal, chain.density[c.SCALE], chain.lines), 0.0
+    if chain.density[c.FREE_SPACE] > 0.0:
+        tilt = -chain.density[c.FREE_SPACE] * black_change(graph, chain.edge_index, proposal)
+        prior += tilt
     # A tile may hold readings of sensors in another one, and sensors whose readings belong to another one.
     n_readings, n_points = chain.beams.ray.shape[0] + chain.cones.pose.shape[0], chain.points.column.shape[1]
     is_bare = n_readings == 0 and n_points == 0 and chain.sensors.xy.shape[0] == 0
     if is_bare and chain.guards.lists.shape[0] == 1:
         return log_u < prior + proposal_ratio, prior, 0.0
-    needed = needed_gain(chain, log_u - prior - proposal_ratio)
+    needed = needed_gain(chain, log_u - prior - proposal_ratio, tilt)
     if needed == math.inf:
         return False, 0.0, 0.0
     likelihood = 0.0

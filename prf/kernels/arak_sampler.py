@@ -5,6 +5,10 @@ the left side (rate 2p per length), the bottom and the top (rate p). A particle 
 length, dies on the border or, together, with the particle that it meets. The traces are the edges. Angles: f is the
 direction in (-pi/2, pi/2); a turn adds d with density sin(d)/2 on (0, pi), wrapped mod pi.
 
+Where edges prefer directions (:mod:`prf.model.orientation`) births come so often as if every direction were the one
+preferred most, and are kept with the probability of their own; turns come at rate lambda(f), and the new direction is
+drawn until it is kept.
+
 The active particles are in order of y. Only neighbours can meet, so that an event looks at its neighbours alone and
 the next event is the least of the rows' two times. Degenerate coincidences (probability zero) are not handled.
 
@@ -18,7 +22,8 @@ from typing import NamedTuple
 import numpy as np
 
 from prf.kernels._jit import Array, Rng, jit
-from prf.kernels.constants import BOTTOM, INTERIOR, LEFT, RIGHT, TOP
+from prf.kernels.constants import BOTTOM, INTERIOR, LEFT, LOG_MEAN, ORIENTATION, RIGHT, TOP
+from prf.kernels.state.lines import alignment, crossing_factor, log_thinning
 
 # Columns of an active particle.
 START_X = 0
@@ -41,11 +46,12 @@ FIRST_VERTEX = 3  # of the present draw
 
 
 class Size(NamedTuple):
-    """Window [0, width] x [0, height] and scale p."""
+    """Window [0, width] x [0, height], scale p, and the law of directions."""
 
     width: float
     height: float
     p: float
+    lines: Array  # (N_LINES,) f8
 
 
 class Process(NamedTuple):
@@ -78,6 +84,29 @@ def turn_angle(rng: Rng) -> float:
 
 
 @jit
+def is_kept(direction: float, lines: Array, rng: Rng) -> bool:
+    """Return whether a line is kept: with probability m(theta) over its largest value; without K no number is drawn."""
+    if lines[ORIENTATION] == 0.0:
+        return True
+    return rng.random() < math.exp(log_thinning(lines, math.cos(direction), math.sin(direction)))
+
+
+@jit
+def turned(direction: float, lines: Array, rng: Rng) -> float:
+    """Draw the direction after a turn."""
+    while True:
+        new = wrapped(direction + turn_angle(rng))
+        if is_kept(new, lines, rng):
+            return new
+
+
+@jit
+def peak(lines: Array) -> float:
+    """Return the largest value of m(theta)."""
+    return math.exp(lines[ORIENTATION] - lines[LOG_MEAN])
+
+
+@jit
 def add_vertex(x: float, y: float, side: int, process: Process) -> int:
     """Append a vertex and return its index in the present draw."""
     index = process.counts[N_VERTICES]
@@ -101,7 +130,7 @@ def add_edge(start: int, end: int, process: Process) -> None:
 def plan_end(particle: Array, size: Size, rng: Rng) -> None:
     """Draw where the particle turns (length Exp(2p)); the border ends it if that is nearer."""
     x, y, c, s = particle[START_X], particle[START_Y], particle[COS], particle[SIN]
-    length = rng.standard_exponential() / (2.0 * size.p)
+    length = rng.standard_exponential() / (2.0 * size.p * crossing_factor(size.lines, alignment(size.lines, c, s)))
     to_right = (size.width - x) / c if c > 0.0 else math.inf
     to_level = math.inf
     if s > 0.0:
@@ -200,8 +229,11 @@ def give_birth(at: Array, low: float, high: float, process: Process, size: Size,
 
 @jit
 def birth_after_start(x: float, process: Process, size: Size, rng: Rng) -> None:
-    """Give birth at time `x`: inside, on the bottom or on the top, with probabilities as pi p^2 height : p : p."""
-    inside = math.pi * size.p * size.height
+    """Give birth at time `x`: inside, on the bottom or on the top, with probabilities as pi p^2 height : p : p.
+
+    None is given to a line that is not kept.
+    """
+    inside = math.pi * size.p * size.height * peak(size.lines)
     chosen = rng.random() * (inside + 2.0)
     at = np.empty(3)
     at[0] = x
@@ -211,15 +243,21 @@ def birth_after_start(x: float, process: Process, size: Size, rng: Rng) -> None:
         at[2] = INTERIOR
         first = math.pi * (rng.random() - 0.5)
         second = wrapped(first + turn_angle(rng))
+        if not (is_kept(first, size.lines, rng) and is_kept(second, size.lines, rng)):
+            return
         low, high = min(first, second), max(first, second)
     elif chosen < inside + 1.0:
         at[1] = 0.0
         at[2] = BOTTOM
         low = math.acos(1.0 - rng.random())
+        if not is_kept(low, size.lines, rng):
+            return
     else:
         at[1] = size.height
         at[2] = TOP
         low = -math.acos(1.0 - rng.random())
+        if not is_kept(low, size.lines, rng):
+            return
     give_birth(at, low, high, process, size, rng)
 
 
@@ -234,7 +272,7 @@ def end_particle(i: int, process: Process, size: Size, rng: Rng) -> None:
     if at[2] != INTERIOR:
         close_rows(i, 1, process)
         return
-    direction = wrapped(math.atan2(a[SIN], a[COS]) + turn_angle(rng))
+    direction = turned(math.atan2(a[SIN], a[COS]), size.lines, rng)
     launch(a, direction, vertex, at, size, rng)
     for k in range(max(i - 1, 0), i + 1):
         plan_meeting(k, process)
@@ -280,12 +318,14 @@ def draw_one(process: Process, size: Size, rng: Rng) -> Process:
     """Append one draw; return the process, whose arrays may have been replaced by longer copies."""
     at = np.zeros(3)
     at[2] = LEFT
-    for _ in range(rng.poisson(2.0 * size.p * size.height)):
+    often = peak(size.lines)
+    for _ in range(rng.poisson(2.0 * size.p * size.height * often)):
         process = with_room(process)
         at[1] = size.height * rng.random()
         direction = math.asin(2.0 * rng.random() - 1.0)
-        give_birth(at, direction, 0.0, process, size, rng)
-    birth_rate = math.pi * size.p * size.p * size.height + 2.0 * size.p
+        if is_kept(direction, size.lines, rng):
+            give_birth(at, direction, 0.0, process, size, rng)
+    birth_rate = (math.pi * size.p * size.p * size.height * often + 2.0 * size.p) * often
     birth_x = rng.standard_exponential() / birth_rate
     while True:
         process = with_room(process)
@@ -302,8 +342,11 @@ def draw_one(process: Process, size: Size, rng: Rng) -> Process:
 
 
 @jit
-def draw_many(n_draws: int, size: Size, rng: Rng) -> tuple[Array, Array, Array, Array]:
-    """Return vertices ``x, y, side``, edges, offsets (n_draws + 1, 2) of vertices and edges, and the coins."""
+def draw_many(n_draws: int, size: Size, lines: Array, rng: Rng) -> tuple[Array, Array, Array, Array]:
+    """Return vertices ``x, y, side``, edges, offsets (n_draws + 1, 2) of vertices and edges, and the coins.
+
+    `lines` (n_draws or 1, N_LINES): the law of directions of each draw, or of all.
+    """
     counts = np.zeros(4, np.int64)
     process = Process(np.empty((16, N_COLUMNS)), np.empty((256, 3)), np.empty((256, 2), np.int32), counts)
     offsets = np.zeros((n_draws + 1, 2), np.int64)
@@ -311,7 +354,8 @@ def draw_many(n_draws: int, size: Size, rng: Rng) -> tuple[Array, Array, Array, 
     for k in range(n_draws):
         anchor_black[k] = rng.random() < 0.5
         counts[FIRST_VERTEX] = counts[N_VERTICES]
-        process = draw_one(process, size, rng)
+        own = Size(size.width, size.height, size.p, lines[min(k, lines.shape[0] - 1)])
+        process = draw_one(process, own, rng)
         offsets[k + 1, 0] = counts[N_VERTICES]
         offsets[k + 1, 1] = counts[N_EDGES]
     return process.vertices[: counts[N_VERTICES]], process.edges[: counts[N_EDGES]], offsets, anchor_black

@@ -63,6 +63,8 @@ NOTCH = 20
 FILL = 21
 BEND = 22
 UNBEND = 23
+BOX_BIRTH = 24
+BOX_DEATH = 25
 
 MOVES = (
     ("triangle birth", 0.25),
@@ -89,6 +91,8 @@ MOVES = (
     ("fill notch", 0.05),
     ("bend to return", 0.08),
     ("unbend", 0.08),
+    ("box birth", 0.15),
+    ("box death", 0.06),
 )
 """Name and weight of each, in that order. Births are refused so often that they are tried more often than deaths."""
 
@@ -104,6 +108,7 @@ PAIRS = {
     DOCK: UNDOCK,
     NOTCH: FILL,
     BEND: UNBEND,
+    BOX_BIRTH: BOX_DEATH,
 }
 REVERSE = np.array([(PAIRS | {back: move for move, back in PAIRS.items()}).get(move, move) for move in range(N_MOVES)])
 """The move that undoes each: the other one of its pair, else itself."""
@@ -119,7 +124,19 @@ SCALE = 0  # p of the prior, 1/m
 INVERSE_TEMPERATURE = 1  # 1 samples the posterior, more prefers its mode over lines
 LIKELIHOOD_POWER = 2  # exponent of the likelihood: 1 the posterior, 0 the prior; leaves the prior alone
 OCCUPIED_COST = 3  # log likelihood that each occupied sensor or blocked piece takes, nats; inf: there may be none
-N_DENSITY = 4
+FREE_SPACE = 4  # nats that each square metre of black takes
+N_DENSITY = 5
+
+# Entries of ``Chain.lines``: the directions that edges prefer (:mod:`prf.model.orientation`).
+ORIENTATION = 0  # K, how much; 0: all alike
+ANGLE = 1  # a, one of the two directions of the building, radians
+COS_ANGLE = 2  # of 4 a
+SIN_ANGLE = 3
+LOG_MEAN = 4  # log I0(K), which m = exp(K cos 4(theta - a)) / I0(K) needs for its mean of 1
+LOG_NORMALISER = 5  # log Z(K, a) less that of K = 0
+FIRST_TERM = 6  # the first of the coefficients of the rate at which edges cross a line, by harmonics of 4 (theta - a)
+N_TERMS = 16
+N_LINES = FIRST_TERM + N_TERMS
 
 # Entries of ``Chain.tuning``: scales of the proposals. A reach is the median of a random distance, m.
 LOCAL_SHARE = 0  # share of births whose further vertices lie near the first

@@ -16,6 +16,7 @@ from prf.kernels.moves import (
     notch,
     recolor,
     split_edge,
+    square,
 )
 from prf.kernels.state.chain import Chain, apply
 from prf.kernels.state.crossing import is_valid
@@ -38,7 +39,7 @@ def choose_move(move_probabilities: Array, rng: Rng) -> int:
 def propose(chain: Chain, move: int, rng: Rng) -> Densities:
     """Fill the proposal; return whether it is legal, log_forward and log_reverse (see ``moves``)."""
     graph, index, targets = chain.graph, chain.edge_index, chain.targets
-    proposal, tuning = chain.proposal, chain.tuning
+    proposal, tuning, lines = chain.proposal, chain.tuning, chain.lines
     clear(proposal)
     if move == c.TRIANGLE_BIRTH:
         return interior_triangle.propose_birth(graph, targets, proposal, tuning, rng)
@@ -53,9 +54,9 @@ def propose(chain: Chain, move: int, rng: Rng) -> Densities:
     if move == c.CORNER_DEATH:
         return corner_cut.propose_death(graph, proposal, tuning, rng)
     if move == c.SPLIT:
-        return split_edge.propose_split(graph, proposal, tuning, rng)
+        return split_edge.propose_split(graph, proposal, tuning, lines, rng)
     if move == c.MERGE:
-        return split_edge.propose_merge(graph, proposal, tuning, rng)
+        return split_edge.propose_merge(graph, proposal, tuning, lines, rng)
     if move == c.RECOLOR:
         return recolor.propose_global(graph, proposal, rng)
     if move == c.LOCAL_RECOLOR:
@@ -80,7 +81,11 @@ def propose(chain: Chain, move: int, rng: Rng) -> Densities:
         return split_edge.propose_bend(graph, index, targets, proposal, tuning, rng)
     if move == c.UNBEND:
         return split_edge.propose_unbend(graph, index, targets, proposal, tuning, rng)
-    return move_vertex.propose_vertex_move(graph, proposal, tuning, move, rng)
+    if move == c.BOX_BIRTH:
+        return square.propose_birth(graph, targets, proposal, tuning, lines, rng)
+    if move == c.BOX_DEATH:
+        return square.propose_death(graph, targets, proposal, tuning, lines, rng)
+    return move_vertex.propose_vertex_move(graph, proposal, tuning, lines, move, rng)
 
 
 @spine

@@ -16,6 +16,9 @@ LARGEST_COORDINATE = 1e8
 LARGEST_RANGE = 1e6
 """Metres. Beyond any sensor, and far below what drivers write for no return, such as the largest float."""
 
+MOST_ORIENTATION = 10.0
+"""Up to which the laws of lines that prefer directions are computed to eight digits."""
+
 MIN_LENGTH = 1e-9  # metres, far below what any sensor resolves
 MAX_FACTOR = 1e6  # of log odds, of their slopes and of noise as a share of the distance
 MIN_PROBABILITY = 1e-100

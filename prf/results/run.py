@@ -102,6 +102,19 @@ class RunData:
         return smallest_ess(by_chain(self.probe_black, self.chain), by_chain(functionals, self.chain))
 
     @property
+    def building(self) -> dict[str, float] | None:
+        """What is known of the building's directions where they were sampled: means, standard deviations (radians)."""
+        angle, strength = (self.functionals.get(name) for name in ("orientation_angle", "orientation"))
+        if angle is None or strength is None or len(angle) == 0:
+            return None
+        return {
+            "angle": float(angle.mean()) % (0.5 * math.pi),
+            "angle_sd": float(angle.std()),
+            "orientation": float(strength.mean()),
+            "orientation_sd": float(strength.std()),
+        }
+
+    @property
     def sensors(self) -> Readings | None:
         """The readings that show the sensor's path: the laser's if there are any."""
         return self.laser if self.laser is not None else self.sonar

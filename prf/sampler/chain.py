@@ -20,6 +20,8 @@ from prf.kernels.state.chain import Chain
 from prf.kernels.state.image import Image, settle_all
 from prf.model.coloring import Coloring
 from prf.model.layout import make_image, read_coloring
+from prf.model.orientation import unwrapped
+from prf.sampler.directions import redraw_directions
 from prf.sampler.poses import PoseTurns
 from prf.sampler.schedules import Ladder, LadderPlan, Plain, Regions, has_regions, unexplained
 from prf.sampler.starts import find_start_map, prior_ground
@@ -40,6 +42,8 @@ PROPOSALS_PER_LOOK = 50_000
 """Proposals of the draw of the prior between two looks at whether it is to stop."""
 
 FUNCTIONALS = ("n_edges", "total_length", "log_prior", "log_likelihood", "log_posterior")
+DIRECTIONS = ("orientation", "orientation_angle")
+"""Kept beside them where they are sampled; before them in a draw."""
 EDGES_ANYWHERE = ("n_edges", "total_length", "log_prior")
 """Those that count edges wherever they are, most of them where no reading saw the ground."""
 
@@ -56,12 +60,20 @@ class Draw:
 
 
 def functionals(chain: Chain, log_pose_prior: float = 0.0) -> NDArray[np.float64]:
-    """Return the values (len(FUNCTIONALS),) of the present state of a chain."""
+    """Return the values of the present state of a chain: of :data:`DIRECTIONS`, then of :data:`FUNCTIONALS`."""
     counts, sums = chain.graph.counts, chain.graph.sums
     log_posterior = sums[c.LOG_PRIOR] + sums[c.LOG_LIKELIHOOD] + log_pose_prior
-    return np.array(
-        [counts[c.EDGES], sums[c.TOTAL_LENGTH], sums[c.LOG_PRIOR], sums[c.LOG_LIKELIHOOD], log_posterior], np.float64
-    )
+    likely = sums[c.LOG_PRIOR], sums[c.LOG_LIKELIHOOD], log_posterior
+    directions = chain.lines[c.ORIENTATION], chain.lines[c.ANGLE]
+    return np.array([*directions, counts[c.EDGES], sums[c.TOTAL_LENGTH], *likely], np.float64)
+
+
+def named_values(values: NDArray[np.float64], target: Target) -> dict[str, NDArray[np.float64]]:
+    """Return the values of draws (..., n) by name."""
+    named = dict(zip((*DIRECTIONS, *FUNCTIONALS), np.moveaxis(values, -1, 0).copy(), strict=True))
+    if not target.orientation.is_sampled:
+        return {name: named[name] for name in FUNCTIONALS}
+    return named | {"orientation_angle": unwrapped(named["orientation_angle"])}
 
 
 def burn_in(step: int) -> int:
@@ -169,9 +181,13 @@ class BestMap(Record):
 
     def take(self, chain: Chain, poses: PoseTurns | None = None) -> None:
         """Keep the present map if it is the best."""
-        graph, scale = chain.graph, float(chain.density[c.SCALE])
-        prior = graph.counts[c.EDGES] * np.log(scale) - 2.0 * scale * graph.sums[c.TOTAL_LENGTH]
-        score = np.array([prior + graph.sums[c.LOG_LIKELIHOOD]])
+        graph = chain.graph
+        edges, *vertices = (
+            graph.members[kind, : graph.counts[kind]] for kind in (c.EDGES, c.INTERIOR_VERTICES, c.BOUNDARY_VERTICES)
+        )
+        # From vertices to lines: the factors 1/|e| and sin(phi) are left out.
+        measure = np.log(graph.edge_length[edges]).sum() - sum(np.log(graph.vertex_sine[v]).sum() for v in vertices)
+        score = np.array([graph.sums[c.LOG_PRIOR] + measure + graph.sums[c.LOG_LIKELIHOOD]])
         if self.best is None or score[0] > self.best.functionals[0]:
             self.best = Draw(int(graph.counts[c.STEP]), read_coloring(graph), score, np.zeros(0, np.bool_))
 
@@ -269,6 +285,7 @@ class ChainRun:
         """Recompute sums and lists, and look which returns no edge explains, as at the end of every round."""
         if self.ground is not None:
             self.chain = self.ground.settle(self.chain)
+        redraw_directions(self.chain, self.target.orientation, self.rng)
         recompute_sums(self.chain)
         self.n_unexplained += unexplained(self.chain)
         self.n_looks += 1.0

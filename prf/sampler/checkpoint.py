@@ -180,7 +180,7 @@ def restored_draws(arrays: Arrays, run: ChainRun) -> list[Draw]:
 def state_arrays(chain: Chain, rng: np.random.Generator) -> Arrays:
     """Return the map of a chain, the outcomes of its moves, and its generator."""
     graph = prefixed("graph.", chain.graph._asdict())
-    return graph | {"outcomes": chain.outcomes, "generator": generator_array(rng)}
+    return graph | {"lines": chain.lines, "outcomes": chain.outcomes, "generator": generator_array(rng)}
 
 
 def restored_state(chain: Chain, rng: np.random.Generator, target: Target, arrays: Arrays) -> Chain:
@@ -189,7 +189,7 @@ def restored_state(chain: Chain, rng: np.random.Generator, target: Target, array
         raise ValueError("its moves are those of another version of prf")
     graph = chain.graph._replace(**{name: arrays[f"graph.{name}"] for name in chain.graph._fields})
     rng.bit_generator.state = json.loads(str(arrays["generator"]))
-    return with_graph(chain._replace(outcomes=arrays["outcomes"]), target, graph)
+    return with_graph(chain._replace(lines=arrays["lines"], outcomes=arrays["outcomes"]), target, graph)
 
 
 def generator_array(rng: np.random.Generator) -> NDArray[Any]:

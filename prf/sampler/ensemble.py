@@ -19,7 +19,7 @@ from prf.model.layout import image_grid, pixel_centres
 from prf.poses.posterior import Trajectory, pose_functionals
 from prf.results import PosteriorImage
 from prf.results.convergence import Diagnosis, diagnose, disagree
-from prf.sampler.chain import EDGES_ANYWHERE, FUNCTIONALS, ChainRun, Draw, burn_in
+from prf.sampler.chain import DIRECTIONS, EDGES_ANYWHERE, FUNCTIONALS, ChainRun, Draw, burn_in, named_values
 from prf.sampler.poses import start_apart
 from prf.sampler.schedules import LadderPlan, aim, is_aimed
 from prf.sampler.target import Target, copied, run_chain
@@ -172,7 +172,7 @@ class Ensemble:
         colours = np.array([[draw.probe_black for draw in draws] for draws in recorded])
         if values.size == 0:
             return diagnose({name: np.zeros((len(recorded), 0)) for name in FUNCTIONALS}, unseen=self.unseen)
-        named: dict[str, NDArray[Any]] = {name: values[:, :, i] for i, name in enumerate(FUNCTIONALS)}
+        named: dict[str, NDArray[Any]] = dict(named_values(values, self.target))
         named |= {name: colours[:, :, i] for i, name in enumerate(self._probe_names)}
         named |= self._pose_values(recorded)
         return diagnose(named, unseen=self.unseen)
@@ -218,12 +218,12 @@ class Ensemble:
         recorded = self.recorded()
         flat = [draw for draws in recorded for draw in draws]
         colours = np.array([draw.probe_black for draw in flat], np.bool_)
-        values = np.array([draw.functionals for draw in flat]).reshape(len(flat), len(FUNCTIONALS))
+        values = np.array([draw.functionals for draw in flat]).reshape(len(flat), len(DIRECTIONS) + len(FUNCTIONALS))
         return Sample(
             draws=Draws.from_colorings([draw.coloring for draw in flat], self.target.window),
             chain=_chains_of(recorded),
             step=np.array([draw.step for draw in flat], np.int64),
-            functionals={name: values[:, i].copy() for i, name in enumerate(FUNCTIONALS)},
+            functionals=named_values(values, self.target),
             probe_black=colours.reshape(len(flat), len(self.probe_pixels)),
         )
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from prf.configuration import Configuration, ReadingOptions
+from prf.model.orientation import Orientation
 from prf.model.points import resolved as resolved_points
 from prf.model.points import window_round
 from prf.model.window import Window
@@ -328,6 +329,11 @@ def _started(config: Configuration, beams: Readings | None, cones: Readings | No
 def ladder_plan(config: Configuration) -> LadderPlan:
     """Return the temperature ladder requested."""
     temperatures, lowest = config.sampler.temperatures, config.sampler.lowest_inverse_temperature
+    if lowest == 0.0 and config.prior.free_space > 0.0:
+        raise ConfigError(
+            "sampler.lowest_inverse_temperature = 0: the hottest chain would need exact draws of the prior, which "
+            "prior.free_space does not have. Give a power above 0."
+        )
     if isinstance(temperatures, str):
         return LadderPlan(AUTO_TEMPERATURES, lowest, waits=True)
     return LadderPlan(temperatures, lowest)
@@ -349,6 +355,8 @@ def make_target(
         sonar=None if cones is None else SonarData(cones, config.sonar),
         points=None if points is None else PointData(points, config.points),
         driven_radius=config.driven.radius or 0.0,
+        orientation=Orientation.of(config.prior.orientation, config.prior.orientation_angle),
+        free_space=config.prior.free_space,
         execution=Execution(resolution=resolution, tiles=config.sampler.tiles or 0),
     )
 

@@ -24,6 +24,7 @@ Bouchard-Cote, Deligiannidis, Doucet 2022, Non-reversible parallel tempering).
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -40,6 +41,7 @@ from prf.kernels.state.targets import NEAR
 from prf.kernels.step import run
 from prf.model.arak import exact_draws
 from prf.model.layout import grow, read_coloring
+from prf.sampler.directions import redraw_directions
 from prf.sampler.target import (
     BORDER_MOVES,
     Target,
@@ -326,8 +328,9 @@ class Ladder(Plain):
         return True
 
     def settle(self) -> None:
-        """Recompute sums and lists of all hot chains."""
-        for chain in self.hot:
+        """Redraw directions of all hot chains, and recompute their sums and lists."""
+        for chain, rng in zip(self.hot, self.generators, strict=True):
+            redraw_directions(chain, self.target.orientation, rng)
             recompute_sums(chain)
 
     def turn(self, step: int, stop: int, end: int) -> tuple[Steps, int]:
@@ -382,5 +385,8 @@ class Ladder(Plain):
 
     def drawn_from_prior(self) -> Chain:
         """Return the hottest chain at a fresh draw of the prior."""
-        draw = exact_draws(self.target.scale, self.target.window, 1, self.generators[-1])[0]
-        return with_map(self.hot[-1], self.target, draw)
+        target, rng = self.target, self.generators[-1]
+        strength, angle = target.orientation.draw(rng)
+        known = dataclasses.replace(target.orientation, strength=strength, angle=angle)
+        draw = exact_draws(target.scale, target.window, 1, rng, known)[0]
+        return with_map(self.hot[-1]._replace(lines=target.lines(strength, angle)), target, draw)

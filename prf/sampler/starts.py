@@ -103,7 +103,7 @@ def from_prior(target: Target, rng: np.random.Generator, stop_requested: Callabl
     costs a finite number of nats; in the end that number rises until there is none. What is black round a sensor even
     then, or when the search is cut short, is cut out.
     """
-    draw = exact_draws(target.scale, target.window, 1, rng)[0]
+    draw = exact_draws(target.scale, target.window, 1, rng, target.orientation)[0]
     chain = make_chain(target.with_execution(resolution=None), draw)
     cost = occupied_cost(target, len(chain.sensors.xy))
     for look in range(1, RISE + MOST_DOUBLINGS + 1):

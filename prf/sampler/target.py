@@ -35,6 +35,7 @@ from prf.model.layout import (
     painted_sites,
     read_coloring,
 )
+from prf.model.orientation import PLAIN, Orientation
 from prf.model.points import log_density, make_points, paint
 from prf.model.ranges import empty_lists, make_beams, make_cones, make_poses, make_rays, make_sight
 from prf.model.sensors import LaserModel, PointModel, SonarModel
@@ -49,6 +50,8 @@ Model = TypeVar("Model", LaserModel, SonarModel, PointModel)
 
 NATS_PER_CONE = 5.0
 """What a sonar reading may lose where nothing explains it, about."""
+FIRST_STRENGTH = 1.0
+"""Of the preference for the directions of the building, where it is sampled."""
 LEAST_COST = 5.0
 """Nats that an occupied sensor costs at least."""
 
@@ -140,6 +143,8 @@ class Target:
     # (k, 4): pieces of the way that was driven (:func:`prf.readings.way.way_of`), metres
     way: Floats = dataclasses.field(default_factory=lambda: np.zeros((0, 4)))
     driven_radius: float = 0.0  # of the disc that was free all along it, metres
+    orientation: Orientation = PLAIN  # of edges
+    free_space: float = 0.0  # what a square metre of black costs, nats
     poses: PoseModel | None = None  # uncertain ones; readings are then those at the poses where chains start
     # (ny, nx): cells of the image that readings crossed or ended in (:mod:`prf.readings.ground`); None: all
     seen: NDArray[np.bool_] | None = None
@@ -157,7 +162,15 @@ class Target:
         density[c.INVERSE_TEMPERATURE] = 1.0
         density[c.LIKELIHOOD_POWER] = 1.0
         density[c.OCCUPIED_COST] = np.inf
+        density[c.FREE_SPACE] = self.free_space
         return density
+
+    def lines(self, strength: float | None = None, angle: float | None = None) -> Floats:
+        """Return the law of directions as the kernels read it, with what is sampled at these values or at a start."""
+        known = self.orientation
+        strength = known.strength if known.strength is not None else FIRST_STRENGTH if strength is None else strength
+        angle = known.angle if known.angle is not None else 0.0 if angle is None else angle
+        return known.lines(strength, angle, self.scale, self.window)
 
     def cell_size(self) -> float:
         """Return the side of the cells of the indexes, metres."""
@@ -249,8 +262,8 @@ CELLS_A_LENGTH = 4.0 / np.pi
 MOST_LISTED = 4e7
 """Entries of all lists of beams in all cells at most, more or less: 12 bytes each in every chain."""
 
-STATE = ("graph", "edge_index", "beams", "cones", "points", "sensors")
-"""Fields of a chain that follow from its map; the others belong to the temperature."""
+STATE = ("graph", "edge_index", "beams", "cones", "points", "sensors", "lines")
+"""Fields of a chain that are its map, or follow from it; the others belong to the temperature."""
 SHARED = (
     "grid",
     "model",
@@ -287,6 +300,8 @@ def make_chain(target: Target, coloring: Coloring) -> Chain:
         cell = max(cell, CELLS_A_LENGTH * float(ray[:, c.MAX_DISTANCE].sum()) / MOST_LISTED)
     grid = make_grid(*window, cell)
     weights = np.array([MOVE_WEIGHTS[move] for move in range(c.N_MOVES)])
+    if target.orientation.is_plain:
+        weights[[c.BOX_BIRTH, c.BOX_DEATH]] = 0.0
     targets = make_targets(window, target.target_side(), return_points(target))
     tuning = target.tuning.array(target.scale)
     tuning[c.AIMED_SHARE] = target.tuning.aimed_share if len(targets.cell) > 0 else 0.0
@@ -302,6 +317,7 @@ def make_chain(target: Target, coloring: Coloring) -> Chain:
         guards=make_guards(grid, np.zeros(0, np.int64), way_guards(target.way, target.driven_radius)),
         proposal=make_proposal(grid),
         density=target.density(),
+        lines=target.lines(),
         tuning=tuning,
         move_probabilities=weights / weights.sum(),
         outcomes=np.zeros((c.N_MOVES, c.N_OUTCOMES), np.int64),

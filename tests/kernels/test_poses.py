@@ -12,10 +12,11 @@ import pytest
 from prf.kernels import constants as c
 from prf.kernels.poses import moves as p
 from prf.kernels.poses.change import readings_change, sites_are_white
-from prf.kernels.poses.state import LOG_CHANGE, WARP, Poses, is_white, log_pose_prior, place_readings
+from prf.kernels.poses.state import LOG_CHANGE, WARP, Poses, log_pose_prior, place_readings
 from prf.kernels.poses.turn import run_poses
 from prf.kernels.readings import cones
 from prf.kernels.state.build import recompute_sums, trace_all
+from prf.kernels.state.free_space import is_white
 from prf.model.arak import exact_draws
 from prf.model.coloring import black_at
 from prf.model.window import Window
@@ -101,7 +102,7 @@ def test_a_place_is_white_where_the_map_is() -> None:
         chain = make_chain(Target(room, 0.5, execution=Execution(cell=0.4)), coloring)
         places = np.vstack([rng.uniform(room[:2], room[2:], (40, 2)), [(-0.5, 2.5)]])
         anchor = chain.graph.counts[c.ANCHOR_BLACK]
-        found = [is_white(chain.graph, chain.edge_index, anchor, x, y, np.zeros(8)) for x, y in places.tolist()]
+        found = [is_white(chain.graph, chain.edge_index, anchor, x, y, c.NONE) for x, y in places.tolist()]
         np.testing.assert_array_equal(found, ~black_at(coloring, places))
 
 

@@ -21,8 +21,10 @@ import prf
 from prf.kernels import constants as c
 from prf.kernels._jit import core_entry
 from prf.kernels.accept import accept, log_proposal_ratio
+from prf.kernels.moves.square import SQUARE_SHARE
 from prf.kernels.state.chain import Chain, apply
 from prf.kernels.state.crossing import is_valid
+from prf.kernels.state.free_space import black_change
 from prf.kernels.state.prior import log_prior_change
 from prf.kernels.state.proposal import N_LOOP, N_NEW_EDGES, N_OLD_EDGES
 from prf.kernels.state.targets import Targets
@@ -30,6 +32,7 @@ from prf.kernels.step import propose, run
 from prf.model.arak import exact_draws
 from prf.model.coloring import Coloring, black_at, violations
 from prf.model.layout import grow, make_targets, read_coloring
+from prf.model.orientation import Orientation
 from prf.model.window import Window
 from prf.sampler.target import Execution, Target, Tuning, make_chain
 from tests.reference.plain_map import anchor_changes, plain_map
@@ -62,6 +65,8 @@ NAMES = (
     "fill",
     "bend",
     "unbend",
+    "box birth",
+    "box death",
 )
 N_TARGETS = 40
 SQUARES = 30
@@ -81,11 +86,19 @@ CASES = (
     Target(
         Window(3.0, -1.5, 5.0, -0.5),
         0.7,
+        orientation=Orientation(1.3, 0.4),
+        free_space=0.9,
         tuning=Tuning(local_share=0.5, birth_reach=0.4, split_reach=0.1, cut_reach=0.02),
         execution=Execution(cell=0.07),
     ),
     Target(Window(-0.5, 10.0, 0.5, 13.0), 0.5, tuning=Tuning(local_share=0.9, move_reach=0.2)),
-    Target(Window(-5.0, -5.0, 5.0, 5.0), 0.12, tuning=Tuning(cut_reach=0.3), execution=Execution(cell=1.7)),
+    Target(
+        Window(-5.0, -5.0, 5.0, 5.0),
+        0.12,
+        orientation=Orientation(4.0, 1.5),
+        tuning=Tuning(cut_reach=0.3),
+        execution=Execution(cell=1.7),
+    ),
     Target(
         Window(0.0, 0.0, 1.5, 1.0), 1.1, tuning=Tuning(birth_reach=0.02, cut_reach=0.01), execution=Execution(cell=0.05)
     ),
@@ -99,7 +112,9 @@ def attempt(chain: Chain, move: int, rng: np.random.Generator) -> tuple[bool, bo
     legal, log_forward, log_reverse = propose(chain, move, rng)
     if not legal or not is_valid(graph, chain.edge_index, proposal):
         return legal, False, True, -math.inf
-    prior = log_prior_change(graph, proposal, chain.density[c.SCALE])
+    prior = log_prior_change(graph, proposal, chain.density[c.SCALE], chain.lines)
+    if chain.density[c.FREE_SPACE] > 0.0:
+        prior -= chain.density[c.FREE_SPACE] * black_change(graph, chain.edge_index, proposal)
     ratio = prior + log_proposal_ratio(chain.move_probabilities, move, log_forward, log_reverse)
     middle = max(ratio, -1e300)
     margin = TOLERANCE * max(1.0, abs(middle))
@@ -157,6 +172,9 @@ def make_lab(target: Target, rng: np.random.Generator) -> Lab:
         aim_reach=float(chain.tuning[c.AIM_REACH]),
         target_grid=targets.grid,
         targets=shares_of(targets),
+        orientation=target.orientation,
+        square_share=0.0 if target.orientation.is_plain else SQUARE_SHARE,
+        free_space=target.free_space,
     )
     return Lab(target, aimed, targets)
 
@@ -193,6 +211,7 @@ def states(lab: Lab, n: int, rng: np.random.Generator) -> Iterator[Chain]:
             c.DOCK,
             c.NOTCH,
             c.NOTCH,
+            c.BOX_BIRTH,
         ):
             for _ in range(tries(move)):
                 chain = with_room(chain)

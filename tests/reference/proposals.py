@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from prf.kernels import constants as c
 from prf.kernels.state.grid import Grid
 from prf.model.coloring import Coloring
+from prf.model.orientation import PLAIN, Orientation
 from prf.model.window import INTERIOR
 from tests.reference.plain_map import (
     Edges,
@@ -38,7 +39,7 @@ from tests.reference.plain_map import (
     round_the_point,
     sharing_cells,
 )
-from tests.reference.slow_coloring import slow_log_density
+from tests.reference.slow_coloring import slab_area, slow_log_density, slow_log_directions
 
 Way = tuple[Edges, Edges, float]
 NOTHING: Edges = frozenset()
@@ -53,6 +54,7 @@ REVERSE = {
     c.DOCK: c.UNDOCK,
     c.NOTCH: c.FILL,
     c.BEND: c.UNBEND,
+    c.BOX_BIRTH: c.BOX_DEATH,
 }
 REVERSE |= {back: move for move, back in REVERSE.items()}
 
@@ -73,6 +75,9 @@ class Plan(NamedTuple):
     aim_reach: float = 0.1
     target_grid: Grid | None = None
     targets: Mapping[tuple[int, int], float] = MappingProxyType({})
+    orientation: Orientation = PLAIN
+    square_share: float = 0.0
+    free_space: float = 0.0
 
     def target(self, v: Point) -> tuple[int, int] | None:
         """The square, by column and row, that holds a point, if a reading ended there."""
@@ -183,22 +188,42 @@ def split(x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[Way]:
         u, w = edge
         foot, offset = foot_and_offset(v, u, w)
         if 0.0 < foot < 1.0:
-            density = reach(abs(offset), plan.split_reach) / (2.0 * math.dist(u, w))
+            density = (1.0 - plan.square_share) * reach(abs(offset), plan.split_reach) / (2.0 * math.dist(u, w))
             yield frozenset([edge]), chain(u, v, w), density / len(x.edges)
+        yield frozenset([edge]), chain(u, v, w), squared(u, w, v, plan) / len(x.edges)
+
+
+def squared(u: Point, w: Point, v: Point, plan: Plan) -> float:
+    """Density of v near one of the corners from which the building's directions lead to u and w, if it is put there."""
+    corners = [square_corner(u, w, plan.orientation), square_corner(w, u, plan.orientation)]
+    return plan.square_share * sum(0.5 * near(corner, v, plan.cut_reach) for corner in corners)
+
+
+def square_corner(u: Point, w: Point, orientation: Orientation) -> Point:
+    """The foot of w on the line along the building through u."""
+    along = unit(orientation)
+    foot = (w[0] - u[0]) * along[0] + (w[1] - u[1]) * along[1]
+    return u[0] + foot * along[0], u[1] + foot * along[1]
+
+
+def unit(orientation: Orientation) -> Point:
+    angle = orientation.angle or 0.0
+    return math.cos(angle), math.sin(angle)
 
 
 def merge(x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[Way]:
     for v in x.interior():
         a, b = x.neighbors(v)
         is_legal = frozenset((a, b)) not in x.edges and not x.same_side(a, b)
-        if is_legal and 0.0 < foot_and_offset(v, a, b)[0] < 1.0:
+        if is_legal and (plan.square_share > 0.0 or 0.0 < foot_and_offset(v, a, b)[0] < 1.0):
             yield frozenset(x.edges_at(v)), chain(a, b), 1.0 / len(x.interior())
 
 
 def move_interior(x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[Way]:
     for v, moved in itertools.product(x.interior(), new_points(x, y, False)):
         a, b = x.neighbors(v)
-        yield frozenset(x.edges_at(v)), chain(a, moved, b), near(v, moved, plan.move_reach) / len(x.interior())
+        density = (1.0 - plan.square_share) * near(v, moved, plan.move_reach) + squared(a, b, moved, plan)
+        yield frozenset(x.edges_at(v)), chain(a, moved, b), density / len(x.interior())
 
 
 def move_boundary(x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[Way]:
@@ -444,13 +469,39 @@ def filled(x: PlainMap, inner: list[Point], density: float) -> Iterator[Way]:
         yield chain(a, p, *inner, q, b), frozenset([new]), density
 
 
+def box_birth(x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[Way]:
+    """A box of four new corners: from u a side along the building to v and one across it to t, w opposite."""
+    along = unit(plan.orientation)
+    new = new_points(x, y, False)
+    for u, v, w, t in itertools.permutations(new, 4) if len(new) == 4 else ():
+        first = (1.0 - plan.aimed) / x.window.area + plan.aimed * aimed_at(u, plan)
+        shifts = [(p[0] - u[0], p[1] - u[1]) for p in (v, t, w)]
+        (v1, v2), (t1, t2), (w1, w2) = (
+            (dx * along[0] + dy * along[1], dy * along[0] - dx * along[1]) for dx, dy in shifts
+        )
+        off = math.prod(signed(d, plan.cut_reach) for d in (v2, t1, w1 - v1 - t1, w2 - v2 - t2))
+        sizes = [plan.aim_reach * factor for factor in SIZES]
+        sides = sum(signed(v1, m) * signed(t2, m) for m in sizes) / len(sizes)
+        yield NOTHING, closed(u, v, w, t), first * sides * off
+
+
+def box_death(x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[Way]:
+    """The loop of a vertex, if it has four corners inside the window."""
+    for v in x.interior():
+        a, b = x.neighbors(v)
+        if x.side[a] == x.side[b] == INTERIOR:
+            for d in (set(x.neighbors(a)) & set(x.neighbors(b))) - {v}:
+                if x.side[d] == INTERIOR and d not in (a, b):
+                    yield closed(v, a, d, b), NOTHING, 1.0 / len(x.interior())
+
+
 WAYS: dict[int, Callable[[PlainMap, PlainMap, Plan], Iterator[Way]]] = {
     getattr(c, each.__name__.upper()): each
     for each in (
         *(triangle_birth, triangle_death, boundary_birth, boundary_death, corner_birth, corner_death),
         *(split, merge, move_interior, move_boundary, past_corner, recolor),
         *(local_recolor, slide, cut_wall, mend_wall, join_wall, part_wall),
-        *(dock, bend, unbend, undock, notch, fill),
+        *(dock, bend, unbend, undock, notch, fill, box_birth, box_death),
     )
 }
 
@@ -470,4 +521,12 @@ def log_acceptance_ratio(move: int, x: Coloring, y: Coloring, plan: Plan) -> flo
     """Log R(x -> y) for the prior: log h(y) - log h(x) + log q(y -> x) - log q(x -> y)."""
     back = log_proposal_density(REVERSE.get(move, move), y, x, plan)
     there = log_proposal_density(move, x, y, plan)
-    return slow_log_density(y, plan.scale) - slow_log_density(x, plan.scale) + back - there
+    prior = slow_log_density(y, plan.scale) - slow_log_density(x, plan.scale)
+    return prior + log_tilt(y, plan) - log_tilt(x, plan) + back - there
+
+
+def log_tilt(coloring: Coloring, plan: Plan) -> float:
+    """What preferred directions and the cost of black add to log h, up to a constant."""
+    strength, angle = plan.orientation.strength or 0.0, plan.orientation.angle or 0.0
+    directions = slow_log_directions(coloring, plan.scale, strength, angle) if strength else 0.0
+    return directions - (plan.free_space * slab_area(coloring) if plan.free_space else 0.0)

@@ -21,9 +21,10 @@ from prf.kernels.state.build import trace_all
 from prf.kernels.state.chain import Chain
 from prf.kernels.state.geometry import ray_hit
 from prf.kernels.state.graph import Graph
-from prf.model.coloring import Coloring, black_at
+from prf.model.coloring import Coloring, Draws, black_areas, black_at
 from prf.model.layout import make_graph, make_image, make_index, pixel_centres, read_coloring
 from tests.reference.arak_laws import log_density
+from tests.reference.slow_coloring import slow_log_directions
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.integer]
@@ -69,8 +70,14 @@ def impacts_from_scratch(
 
 
 def recompute_log_prior(chain: Chain) -> float:
-    """Return log h of the map (equations 1-3), without any cached term."""
-    return log_density(read_coloring(chain.graph), float(chain.density[c.SCALE]))
+    """Return log h of the map (equations 1-3), its directions and its black area, without any cached term."""
+    coloring, scale, lines = read_coloring(chain.graph), float(chain.density[c.SCALE]), chain.lines
+    found = log_density(coloring, scale)
+    if lines[c.ORIENTATION] > 0.0:
+        found += slow_log_directions(coloring, scale, lines[c.ORIENTATION], lines[c.ANGLE]) - lines[c.LOG_NORMALISER]
+    if chain.density[c.FREE_SPACE] > 0.0:
+        found -= float(chain.density[c.FREE_SPACE] * black_areas(Draws.from_colorings([coloring]))[0])
+    return found
 
 
 def recompute_impacts(chain: Chain) -> Impacts:

@@ -17,7 +17,7 @@ from prf.kernels.state.chain import Chain
 from prf.kernels.state.targets import Targets
 from prf.model.window import Window
 from tests.reference.plain_map import PlainMap, Point, foot_and_offset, other
-from tests.reference.proposals import Plan, new_points
+from tests.reference.proposals import Plan, new_points, square_corner, unit
 
 FINEST = 2.0**-53
 """Numbers are multiples of this."""
@@ -169,18 +169,29 @@ def split(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[list[f
     u, w = end_points(chain, edge)
     foot, offset = foot_and_offset(v, u, w)
     picked = pick(chain, c.EDGES, edge_slot(chain, edge))
-    yield [picked, foot, reached(abs(offset), plan.split_reach), SECOND if offset > 0.0 else FIRST]
+    if plan.square_share > 0.0:
+        corner = square_corner(u, w, plan.orientation)
+        direction = math.atan2(v[1] - corner[1], v[0] - corner[0]) / (2.0 * math.pi) % 1.0
+        yield [picked, below(plan.square_share), FIRST, reached(math.dist(v, corner), plan.cut_reach), direction]
+    if 0.0 < foot < 1.0:
+        beside = [foot, reached(abs(offset), plan.split_reach), SECOND if offset > 0.0 else FIRST]
+        yield [picked, *not_squared(plan), *beside]
+
+
+def not_squared(plan: Plan) -> list[float]:
+    """The number that lets a corner be put anywhere, as all are where edges prefer no direction."""
+    return [beyond(plan.square_share)] if plan.square_share > 0.0 else []
 
 
 def merge(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[list[float]]:
-    yield [pick_vertex(chain, c.INTERIOR_VERTICES, gone_vertex(x, y))]
+    yield [pick_vertex(chain, c.INTERIOR_VERTICES, min(x.side.keys() - y.side.keys()))]
 
 
 def move_interior(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[list[float]]:
     v, (moved,) = gone_vertex(x, y), new_points(x, y, False)
     direction = math.atan2(moved[1] - v[1], moved[0] - v[0]) / (2.0 * math.pi) % 1.0
     picked = pick_vertex(chain, c.INTERIOR_VERTICES, v)
-    yield [picked, reached(math.dist(v, moved), plan.move_reach), direction]
+    yield [picked, *not_squared(plan), reached(math.dist(v, moved), plan.move_reach), direction]
 
 
 def move_boundary(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[list[float]]:
@@ -383,13 +394,25 @@ def bend(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[list[fl
             yield [picked_by(chain.targets, square), *within(plan, square, v), place]
 
 
+def box_birth(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[list[float]]:
+    u, *_ = new_points(x, y, False)
+    v, t = y.neighbors(u)
+    (w,) = set(y.neighbors(v)) - {u}
+    along = unit(plan.orientation)
+    shifts = [(p[0] - u[0], p[1] - u[1]) for p in (v, t, w)]
+    (v1, v2), (t1, t2), (w1, w2) = ((dx * along[0] + dy * along[1], dy * along[0] - dx * along[1]) for dx, dy in shifts)
+    size, m = plan.aim_reach, plan.cut_reach
+    sides = [*signed(v1, size), *signed(v2, m), *signed(t2, size), *signed(t1, m)]
+    yield [0.5 / 3.0, *aimed(plan), *across(x.window, u), *sides, *signed(w1 - v1 - t1, m), *signed(w2 - v2 - t2, m)]
+
+
 SCRIPTS: dict[int, Script] = {
     getattr(c, each.__name__.upper()): each
     for each in (
         *(triangle_birth, triangle_death, boundary_birth, boundary_death, corner_birth, corner_death),
         *(split, merge, move_interior, move_boundary, past_corner, recolor),
         *(local_recolor, slide, cut_wall, mend_wall, join_wall, part_wall),
-        *(dock, undock, notch, fill, bend),
+        *(dock, undock, notch, fill, bend, box_birth),
     )
 }
-SCRIPTS[c.UNBEND] = merge
+SCRIPTS[c.UNBEND] = SCRIPTS[c.BOX_DEATH] = merge

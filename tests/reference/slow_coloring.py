@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.integrate import quad
 from shapely import LineString
 
 from prf.model.coloring import Coloring
@@ -60,6 +61,32 @@ def slow_log_density(coloring: Coloring, scale: float) -> float:
             angles.append(0.0 if coloring.side[v] in (0, 2) else 0.5 * math.pi)
         total += math.log(abs(math.sin(angles[0] - angles[1])))
     return total
+
+
+def slow_log_directions(coloring: Coloring, scale: float, strength: float, angle: float) -> float:
+    """Sum of log m(theta) - (lambda(theta) - 2 p) |e|, both by quadrature, over all edges."""
+    total = 0.0
+    for a, b in coloring.edges:
+        dx, dy = coloring.xy[b] - coloring.xy[a]
+        direction = math.atan2(dy, dx)
+        measure = line_measure(direction, strength, angle)
+        total += math.log(measure) - (slow_rate(direction, scale, strength, angle) - 2.0 * scale) * math.hypot(dx, dy)
+    return total
+
+
+def line_measure(direction: float, strength: float, angle: float) -> float:
+    """m(theta), whose mean over all directions is 1."""
+    mean = quad(lambda theta: math.exp(strength * math.cos(4.0 * theta)), 0.0, math.pi)[0] / math.pi
+    return math.exp(strength * math.cos(4.0 * (direction - angle))) / float(mean)
+
+
+def slow_rate(direction: float, scale: float, strength: float, angle: float) -> float:
+    """lambda(phi) = p int m(theta) |sin(theta - phi)| over all directions of lines."""
+    mean = quad(lambda theta: math.exp(strength * math.cos(4.0 * theta)), 0.0, math.pi)[0] / math.pi
+    crossed = quad(
+        lambda theta: math.exp(strength * math.cos(4.0 * (theta + direction - angle))) * math.sin(theta), 0.0, math.pi
+    )
+    return scale * float(crossed[0]) / float(mean)
 
 
 def read_cf(path: Path) -> Coloring:

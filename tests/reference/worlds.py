@@ -39,10 +39,12 @@ def draw_world(
 ) -> World:
     """Sensors uniform in the window, then maps until all stand in white, then beams all round and their readings."""
     place = rng.uniform(window[:2], window[2:], (n_sensors, 2))
-    coloring = draw_white(scale, window, place, rng)
-    angle = np.concatenate(
-        [rng.uniform(-np.pi, np.pi) + 2.0 * np.pi / n_beams * np.arange(n_beams) for _ in range(n_sensors)]
-    )
+    return read_world(draw_white(scale, window, place, rng), place, sensor, n_beams, rng)
+
+
+def read_world(coloring: Coloring, place: np.ndarray, sensor: Sensor, n_beams: int, rng: np.random.Generator) -> World:
+    """Beams all round from each of these places (n, 2), and their readings."""
+    angle = np.concatenate([rng.uniform(-np.pi, np.pi) + 2.0 * np.pi / n_beams * np.arange(n_beams) for _ in place])
     origin = np.repeat(place, n_beams, axis=0)
     readings = draw_readings(sensor, impacts(coloring, origin, angle, sensor.max), rng)
     return World(coloring, laser_data(origin, angle, readings, model_of(sensor)))

@@ -18,19 +18,6 @@ from prf.kernels.state.targets import (
     target_of,
 )
 
-N_SIZES = 3
-SHRINKING = 0.3
-"""Aimed births have so many sizes, each so many times the one before."""
-
-
-@core
-def reach_of(tuning: Array, size: int) -> float:
-    """Median distance of the vertices of an aimed birth of a size, m."""
-    median = tuning[c.AIM_REACH]
-    for _ in range(size):
-        median *= SHRINKING
-    return median
-
 
 @core
 def cluster_density(
@@ -94,8 +81,9 @@ def birth_density(graph: Graph, targets: Targets, tuning: Array, u: int, v: int,
     aimed = tuning[c.AIMED_SHARE]
     density = (1.0 - aimed) * free_density(graph, tuning, u, v, w)
     if aimed > 0.0:
-        for size in range(N_SIZES):
-            density += aimed / N_SIZES * aimed_density(graph, targets, tuning, reach_of(tuning, size), u, v, w)
+        for size in range(placing.N_SIZES):
+            median = placing.reach_of(tuning, size)
+            density += aimed / placing.N_SIZES * aimed_density(graph, targets, tuning, median, u, v, w)
     return density
 
 
@@ -114,7 +102,7 @@ def draw_free(graph: Graph, proposal: Proposal, tuning: Array, rng: Rng) -> tupl
 @core
 def draw_aimed(graph: Graph, targets: Targets, proposal: Proposal, tuning: Array, rng: Rng) -> tuple[int, int, int]:
     """A post at a return, or a panel along two returns, of one of the sizes."""
-    median = reach_of(tuning, int(rng.random() * N_SIZES))
+    median = placing.reach_of(tuning, int(rng.random() * placing.N_SIZES))
     is_post = rng.random() < 0.5
     target = pick_target(targets, tuning, rng)
     x, y = point_in(targets, target, rng)

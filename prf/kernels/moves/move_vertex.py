@@ -5,6 +5,7 @@ import math
 from prf.kernels import constants as c
 from prf.kernels._jit import Array, Rng, core
 from prf.kernels.moves import placing
+from prf.kernels.moves.square import corner_density, near_corner, square_share
 from prf.kernels.state import proposal as edit
 from prf.kernels.state.graph import Graph, edges_at, neighbors_of, other_end, pick
 from prf.kernels.state.proposal import ILLEGAL, Densities, Proposal
@@ -23,19 +24,41 @@ def move_interior_to(graph: Graph, proposal: Proposal, v: int, x: float, y: floa
 
 
 @core
-def propose_interior(graph: Graph, proposal: Proposal, tuning: Array, rng: Rng) -> Densities:
-    """(e): a uniform interior vertex, displaced by a random reach in a uniform direction (symmetric)."""
+def landed_density(graph: Graph, tuning: Array, lines: Array, v: int, x: float, y: float, distance: float) -> float:
+    """Density of a place at which the interior vertex v lands, so far from where it was."""
+    u, w = neighbors_of(graph, v)
+    square = corner_density(lines, graph.vertex_xy[u], graph.vertex_xy[w], x, y, tuning[c.CUT_REACH])
+    share = square_share(lines)
+    return (1.0 - share) * placing.near_density(distance, tuning[c.MOVE_REACH]) + share * square
+
+
+@core
+def propose_interior(graph: Graph, proposal: Proposal, tuning: Array, lines: Array, rng: Rng) -> Densities:
+    """(e): a uniform interior vertex, displaced by a random reach in a uniform direction (symmetric).
+
+    Where edges prefer the directions of a building some are placed near a corner along them instead.
+    """
     if graph.counts[c.INTERIOR_VERTICES] == 0:
         return ILLEGAL
     v = pick(graph, c.INTERIOR_VERTICES, rng)
-    r = placing.random_reach(rng, tuning[c.MOVE_REACH])
-    direction = 2.0 * math.pi * rng.random()
-    x = graph.vertex_xy[v, 0] + r * math.cos(direction)
-    y = graph.vertex_xy[v, 1] + r * math.sin(direction)
+    if lines[c.ORIENTATION] > 0.0 and rng.random() < square_share(lines):
+        u, w = neighbors_of(graph, v)
+        x, y = near_corner(lines, graph.vertex_xy[u], graph.vertex_xy[w], tuning[c.CUT_REACH], rng)
+    else:
+        r = placing.random_reach(rng, tuning[c.MOVE_REACH])
+        direction = 2.0 * math.pi * rng.random()
+        x = graph.vertex_xy[v, 0] + r * math.cos(direction)
+        y = graph.vertex_xy[v, 1] + r * math.sin(direction)
     if not placing.is_inside(graph.window, x, y):
         return ILLEGAL
     move_interior_to(graph, proposal, v, x, y)
-    return True, 0.0, 0.0
+    if lines[c.ORIENTATION] == 0.0:
+        return True, 0.0, 0.0
+    before_x = graph.vertex_xy[v, 0]
+    before_y = graph.vertex_xy[v, 1]
+    moved = math.hypot(x - before_x, y - before_y)
+    forward = landed_density(graph, tuning, lines, v, x, y, moved)
+    return True, math.log(forward), math.log(landed_density(graph, tuning, lines, v, before_x, before_y, moved))
 
 
 @core
@@ -127,10 +150,12 @@ def propose_past_corner(graph: Graph, proposal: Proposal, tuning: Array, rng: Rn
 
 
 @core
-def propose_vertex_move(graph: Graph, proposal: Proposal, tuning: Array, move: int, rng: Rng) -> Densities:
+def propose_vertex_move(
+    graph: Graph, proposal: Proposal, tuning: Array, lines: Array, move: int, rng: Rng
+) -> Densities:
     """Fill the proposal of one of the moves above."""
     if move == c.MOVE_INTERIOR:
-        return propose_interior(graph, proposal, tuning, rng)
+        return propose_interior(graph, proposal, tuning, lines, rng)
     if move == c.SLIDE:
         return propose_slide(graph, proposal, rng)
     if move == c.MOVE_BOUNDARY:

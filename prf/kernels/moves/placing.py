@@ -7,12 +7,25 @@ from prf.kernels._jit import Array, Rng, core
 from prf.kernels.state.graph import Graph
 from prf.kernels.state.proposal import Proposal, add_vertex
 
+N_SIZES = 3
+SHRINKING = 0.3
+"""Aimed births have so many sizes, each so many times the one before."""
+
 
 @core
 def random_reach(rng: Rng, median: float) -> float:
     """Distance with density median / (median + r)^2: flat near zero, and no scale is out of reach."""
     u = rng.random()
     return median * u / (1.0 - u)
+
+
+@core
+def reach_of(tuning: Array, size: int) -> float:
+    """Median distance of the vertices of an aimed birth of a size, m."""
+    median = tuning[c.AIM_REACH]
+    for _ in range(size):
+        median *= SHRINKING
+    return median
 
 
 @core

@@ -10,6 +10,7 @@ from prf.kernels import constants as c
 from prf.kernels._jit import Array, Rng, core
 from prf.kernels.moves.aiming import aim_at_wall, share_of_new
 from prf.kernels.moves.placing import beside, beside_density, is_inside, log_or_minus_infinity
+from prf.kernels.moves.square import corner_density, near_corner, square_share
 from prf.kernels.state import proposal as edit
 from prf.kernels.state.edge_index import EdgeIndex
 from prf.kernels.state.graph import Graph, can_join, edges_at, ends_of, neighbors_of, pick
@@ -18,9 +19,14 @@ from prf.kernels.state.targets import Targets, first_density, target_of
 
 
 @core
-def split_density(graph: Graph, tuning: Array, u: int, w: int, x: float, y: float) -> float:
-    """Density g of the new vertex at (x, y) when the edge uw is split."""
-    return beside_density(graph.vertex_xy[u], graph.vertex_xy[w], x, y, tuning[c.SPLIT_REACH])
+def split_density(graph: Graph, tuning: Array, lines: Array, u: int, w: int, x: float, y: float) -> float:
+    """Density g of the new vertex at (x, y) when uw is split: beside it, or near a corner along the building."""
+    share = square_share(lines)
+    density = beside_density(graph.vertex_xy[u], graph.vertex_xy[w], x, y, tuning[c.SPLIT_REACH])
+    if share == 0.0:
+        return density
+    square = corner_density(lines, graph.vertex_xy[u], graph.vertex_xy[w], x, y, tuning[c.CUT_REACH])
+    return (1.0 - share) * density + share * square
 
 
 @core
@@ -58,15 +64,18 @@ def take_out(graph: Graph, proposal: Proposal, u: int, v: int, w: int) -> None:
 
 
 @core
-def propose_split(graph: Graph, proposal: Proposal, tuning: Array, rng: Rng) -> Densities:
+def propose_split(graph: Graph, proposal: Proposal, tuning: Array, lines: Array, rng: Rng) -> Densities:
     """Propose to split a uniform edge."""
     edges = graph.counts[c.EDGES]
     if edges == 0:
         return ILLEGAL
     edge = pick(graph, c.EDGES, rng)
     u, w = ends_of(graph, edge)
-    x, y = beside(graph.vertex_xy[u], graph.vertex_xy[w], tuning[c.SPLIT_REACH], rng)
-    density = split_density(graph, tuning, u, w, x, y)
+    if lines[c.ORIENTATION] > 0.0 and rng.random() < square_share(lines):
+        x, y = near_corner(lines, graph.vertex_xy[u], graph.vertex_xy[w], tuning[c.CUT_REACH], rng)
+    else:
+        x, y = beside(graph.vertex_xy[u], graph.vertex_xy[w], tuning[c.SPLIT_REACH], rng)
+    density = split_density(graph, tuning, lines, u, w, x, y)
     if density == 0.0 or not is_inside(graph.window, x, y):
         return ILLEGAL
     edit.add_vertex(graph, proposal, x, y, c.INTERIOR)
@@ -75,12 +84,12 @@ def propose_split(graph: Graph, proposal: Proposal, tuning: Array, rng: Rng) -> 
 
 
 @core
-def propose_merge(graph: Graph, proposal: Proposal, tuning: Array, rng: Rng) -> Densities:
+def propose_merge(graph: Graph, proposal: Proposal, tuning: Array, lines: Array, rng: Rng) -> Densities:
     """Propose to replace the two edges of a uniform interior vertex by one."""
     v, u, w = pick_to_remove(graph, rng)
     if v == c.NONE:
         return ILLEGAL
-    density = split_density(graph, tuning, u, w, graph.vertex_xy[v, 0], graph.vertex_xy[v, 1])
+    density = split_density(graph, tuning, lines, u, w, graph.vertex_xy[v, 0], graph.vertex_xy[v, 1])
     if density == 0.0:
         return ILLEGAL
     take_out(graph, proposal, u, v, w)

@@ -4,7 +4,7 @@ import math
 
 from prf.kernels import constants as c
 from prf.kernels._jit import core
-from prf.kernels.poses.state import LOG_CHANGE, Poses, first_edge, is_white, place_cone, place_ray
+from prf.kernels.poses.state import LOG_CHANGE, Poses, first_edge, place_cone, place_ray
 from prf.kernels.readings.beams import Beams
 from prf.kernels.readings.cones import (
     CONE_LOG_LIKELIHOOD,
@@ -21,6 +21,7 @@ from prf.kernels.readings.laser import beam_log_likelihood
 from prf.kernels.readings.sonar import SONAR_MAX, sonar_log_likelihood
 from prf.kernels.readings.sonar_features import BORDER, N_LINES, see_edge, sweep
 from prf.kernels.state.edge_index import EdgeIndex
+from prf.kernels.state.free_space import is_white
 from prf.kernels.state.geometry import segment_meets_box
 from prf.kernels.state.graph import Graph, ends_of
 
@@ -42,7 +43,7 @@ def sites_are_white(graph: Graph, index: EdgeIndex, poses: Poses, i: int, anchor
         y = pose[1] + sine * poses.site_local[at, 0] + cosine * poses.site_local[at, 1]
         if not (window[0] < x < window[2] and window[1] < y < window[3]):
             return False
-        if not is_white(graph, index, anchor_black, x, y, poses.work):
+        if not is_white(graph, index, anchor_black, x, y, c.NONE):
             return False
     return True
 

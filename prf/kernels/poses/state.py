@@ -231,29 +231,6 @@ def first_edge(graph: Graph, index: EdgeIndex, ray: Array, near: float) -> tuple
         limit = reach
 
 
-@core
-def is_white(graph: Graph, index: EdgeIndex, anchor_black: int, x: float, y: float, ray: Array) -> bool:
-    """Whether a place is white: by the edges between it and the window's centre, of known colour."""
-    window = graph.window
-    dx = 0.5 * (window[0] + window[2]) - x
-    dy = 0.5 * (window[1] + window[3]) - y
-    length = math.sqrt(dx * dx + dy * dy)
-    odd = anchor_black != 0
-    if length == 0.0:
-        return not odd
-    ray[0], ray[1], ray[2], ray[3] = x, y, dx / length, dy / length
-    index.mark[0] += 1
-    for k in range(walk(index.grid, x, y, x + dx, y + dy, index.path)):
-        cell = index.path[k]
-        for place in range(index.cell_count[cell]):
-            edge = index.cell_edges[cell, place]
-            if index.marks[edge] != index.mark[0]:
-                index.marks[edge] = index.mark[0]
-                if ray_hit(ray, graph.edge_xy[edge]) < length:
-                    odd = not odd
-    return not odd
-
-
 @core_entry
 def place_readings(poses: Poses, window: Array, laser: Array, maximum: float, ray: Array, cone: Array) -> None:
     """Write all beams and cones, (n_beams, N_RAY) and (n_cones, N_POSE), at the present poses, but for impacts."""

@@ -10,9 +10,10 @@ from prf.kernels._jit import Array, Rng, core
 from prf.kernels.poses.change import BOX, keep_poses, readings_change, sites_are_white
 from prf.kernels.poses.field import LOG_SCALED, PLACE, TURNED, displace, draw_field
 from prf.kernels.poses.moves import first_free
-from prf.kernels.poses.state import LOG_CHANGE, LOG_POSE_PRIOR, Poses, is_white, log_pose_prior
+from prf.kernels.poses.state import LOG_CHANGE, LOG_POSE_PRIOR, Poses, log_pose_prior
 from prf.kernels.state.chain import Chain
 from prf.kernels.state.edge_index import EdgeIndex, index_edge
+from prf.kernels.state.free_space import black_area, is_white
 from prf.kernels.state.geometry import inside_loop, segments_meet
 from prf.kernels.state.graph import Graph, vertex_sine_now
 from prf.kernels.state.grid import walk
@@ -137,11 +138,11 @@ def anchor_after(graph: Graph, trial: Graph, loop: Array) -> int:
 
 
 @core
-def way_is_white(trial: Graph, index: EdgeIndex, guards: Guards, anchor_black: int, work: Array) -> bool:
+def way_is_white(trial: Graph, index: EdgeIndex, guards: Guards, anchor_black: int) -> bool:
     """Whether no wall was carried over the way that was driven, to which no edge is near."""
     for guard in range(guards.shape.shape[0]):
         shape = guards.shape[guard]
-        if shape[KIND] == GUARD_WAY and not is_white(trial, index, anchor_black, shape[1], shape[2], work):
+        if shape[KIND] == GUARD_WAY and not is_white(trial, index, anchor_black, shape[1], shape[2], c.NONE):
             return False
     return True
 
@@ -190,10 +191,12 @@ def warp(chain: Chain, trial: Graph, trial_index: EdgeIndex, poses: Poses, rng: 
     for i in range(last + 1):
         if not sites_are_white(trial, trial_index, poses, i, anchor_black):
             return False
-    if not way_is_white(trial, trial_index, chain.guards, anchor_black, poses.work):
+    if not way_is_white(trial, trial_index, chain.guards, anchor_black):
         return False
     place_angles(trial)
-    map_prior = log_prior(trial, chain.density[c.SCALE])
+    map_prior = log_prior(trial, chain.density[c.SCALE], chain.lines)
+    if chain.density[c.FREE_SPACE] > 0.0:
+        map_prior -= chain.density[c.FREE_SPACE] * black_area(graph, chain.edge_index, trial)
     pose_prior = log_pose_prior(poses, poses.new_pose, 0, last)
     change = map_prior - graph.sums[c.LOG_PRIOR] + pose_prior - poses.sums[LOG_POSE_PRIOR]
     needed = math.log(1.0 - rng.random()) - change - log_vertices - log_poses

@@ -7,6 +7,7 @@ from prf.kernels.readings.cones import relist_cones, sense_now
 from prf.kernels.readings.points import sum_points
 from prf.kernels.state.chain import Chain
 from prf.kernels.state.edge_index import EdgeIndex, index_edge
+from prf.kernels.state.free_space import black_area
 from prf.kernels.state.graph import (
     Graph,
     classify_vertex,
@@ -91,7 +92,9 @@ def sum_and_list(chain: Chain) -> None:
     for i in range(graph.counts[c.EDGES]):
         length += graph.edge_length[graph.members[c.EDGES, i]]
     graph.sums[c.TOTAL_LENGTH] = length
-    graph.sums[c.LOG_PRIOR] = log_prior(graph, chain.density[c.SCALE])
+    graph.sums[c.LOG_PRIOR] = log_prior(graph, chain.density[c.SCALE], chain.lines)
+    if chain.density[c.FREE_SPACE] > 0.0:
+        graph.sums[c.LOG_PRIOR] -= chain.density[c.FREE_SPACE] * black_area(graph, chain.edge_index, graph)
     readings = relist_beams(chain.beams) + relist_cones(chain.cones)
     graph.sums[c.LOG_LIKELIHOOD] = readings + sum_points(chain.points)
     graph.counts[c.OCCUPIED] = chain.sensors.black.sum() + count_blocked(graph, chain.edge_index, chain.guards)

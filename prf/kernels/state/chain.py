@@ -49,7 +49,8 @@ class Chain(NamedTuple):
     image: Image
     guards: Guards
     proposal: Proposal
-    density: Array  # (N_DENSITY,) f8 what is sampled: scale of the prior, powers, cost of occupied sensors
+    density: Array  # (N_DENSITY,) f8 what is sampled: scale of the prior, powers, costs
+    lines: Array  # (N_LINES,) f8 the directions that edges prefer
     tuning: Array  # (N_TUNING,) f8 scales of the proposals
     move_probabilities: Array  # (N_MOVES,) f8
     outcomes: Array  # (N_MOVES, N_OUTCOMES) i8

@@ -3,9 +3,10 @@
 import math
 
 from prf.kernels import constants as c
-from prf.kernels._jit import core
+from prf.kernels._jit import Array, core
 from prf.kernels.state.geometry import sine_of_angle
 from prf.kernels.state.graph import Graph, other_end, sine_at_border
+from prf.kernels.state.lines import log_direction
 from prf.kernels.state.proposal import (
     N_AFFECTED,
     N_NEW_EDGES,
@@ -19,14 +20,17 @@ from prf.kernels.state.proposal import (
 
 
 @core
-def log_prior(graph: Graph, scale: float) -> float:
-    """Log h of equations 1-3 from the cached lengths and sines."""
-    total = 0.0
+def log_prior(graph: Graph, scale: float, lines: Array) -> float:
+    """Log h of equations 1-3 from the cached lengths and sines, with the law of directions and its normaliser."""
+    total = -lines[c.LOG_NORMALISER]
     length = 0.0
     for i in range(graph.counts[c.EDGES]):
-        edge_length = graph.edge_length[graph.members[c.EDGES, i]]
+        edge = graph.members[c.EDGES, i]
+        edge_length = graph.edge_length[edge]
         total += math.log(scale / edge_length)
         length += edge_length
+        if lines[c.ORIENTATION] > 0.0:
+            total += log_direction(lines, scale, graph.edge_xy[edge], edge_length)
     for kind in (c.INTERIOR_VERTICES, c.BOUNDARY_VERTICES):
         for i in range(graph.counts[kind]):
             total += math.log(graph.vertex_sine[graph.members[kind, i]])
@@ -94,7 +98,20 @@ def new_sine(graph: Graph, proposal: Proposal, v: int) -> float:
 
 
 @core
-def log_prior_change(graph: Graph, proposal: Proposal, scale: float) -> float:
+def direction_change(graph: Graph, proposal: Proposal, scale: float, lines: Array) -> float:
+    """Change of what the law of directions adds over all edges."""
+    change = 0.0
+    if lines[c.ORIENTATION] > 0.0:
+        for k in range(proposal.counts[N_NEW_EDGES]):
+            change += log_direction(lines, scale, proposal.new_xy[k], proposal.new_length[k])
+        for k in range(proposal.counts[N_OLD_EDGES]):
+            edge = proposal.old_edges[k]
+            change -= log_direction(lines, scale, graph.edge_xy[edge], graph.edge_length[edge])
+    return change
+
+
+@core
+def log_prior_change(graph: Graph, proposal: Proposal, scale: float, lines: Array) -> float:
     """Change of log h (equations 1-3): p^|E| exp(-2 p length) prod 1/|e| prod sin(phi), from cached terms."""
     collect_affected(graph, proposal)
     ratio = 1.0
@@ -115,12 +132,15 @@ def log_prior_change(graph: Graph, proposal: Proposal, scale: float) -> float:
         proposal.affected_sine[k] = new_sine(graph, proposal, v)
         ratio *= proposal.affected_sine[k]
     added = proposal.counts[N_NEW_EDGES] - proposal.counts[N_OLD_EDGES]
-    return added * math.log(scale) - 2.0 * scale * length + math.log(ratio)
+    plain = added * math.log(scale) - 2.0 * scale * length + math.log(ratio)
+    return plain + direction_change(graph, proposal, scale, lines)
 
 
 @core
-def log_line_prior_change(graph: Graph, proposal: Proposal, scale: float) -> float:
+def log_line_prior_change(graph: Graph, proposal: Proposal, scale: float, lines: Array) -> float:
     """Change of |E| log p - 2 p length: the log prior as a density over the lines that carry the edges.
+
+    With the law of directions it is |E| log p + sum log m(theta) - sum lambda(theta) |e|.
 
     Over vertices it has the factors 1/|e| and sin(phi) besides, which are the change of measure from lines. They make
     short edges dense, not probable; a mode that counted them would be a heap of splinters.
@@ -131,4 +151,5 @@ def log_line_prior_change(graph: Graph, proposal: Proposal, scale: float) -> flo
     for k in range(proposal.counts[N_OLD_EDGES]):
         length -= graph.edge_length[proposal.old_edges[k]]
     added = proposal.counts[N_NEW_EDGES] - proposal.counts[N_OLD_EDGES]
-    return added * math.log(scale) - 2.0 * scale * length
+    plain = added * math.log(scale) - 2.0 * scale * length
+    return plain + direction_change(graph, proposal, scale, lines)

@@ -26,7 +26,7 @@ from prf.kernels.state.grid import ABS_TOL, REL_TOL, Grid, make_grid, most_cells
 from prf.kernels.state.guards import GUARD_RAY, GUARD_TRIANGLE, N_SHAPE, Guards, mark_met
 from prf.kernels.state.image import Image, count_edges
 from prf.kernels.state.targets import Targets
-from prf.model.coloring import Coloring
+from prf.model.coloring import Coloring, black_at
 from prf.model.layout import bare_graph, make_guards, make_index, make_proposal, make_sites, white_image
 from prf.model.ranges import MARGIN, aims_of, make_beams, make_cones
 from prf.model.window import Window
@@ -73,6 +73,7 @@ def make_part(data: TileData, begun: Round, number: int) -> Part:
     is_drawn[np.flatnonzero(is_drawn)[is_met != 0]] = False
     grid = make_grid(*Window(*tile.tolist()), data.target.cell_size())
     coloring, vertices, edges = cut_out(begun.coloring, _passes(segments, tile), tile)
+    coloring = coloring._replace(anchor_black=bool(black_at(begun.coloring, [0.5 * (tile[:2] + tile[2:])])[0]))
     drawn = is_drawn[edges]
     graph = bare_graph(coloring, max(FIRST_CAPACITY, 2 * (len(vertices) + c.MOST_CHANGES)))
     fill_graph(graph, len(vertices), coloring.edges, drawn)
@@ -225,6 +226,7 @@ def _assemble(
         guards=guards,
         proposal=make_proposal(grid),
         density=begun.density,
+        lines=begun.lines,
         tuning=tuning,
         move_probabilities=begun.move_probabilities,
         outcomes=np.zeros((c.N_MOVES, c.N_OUTCOMES), np.int64),

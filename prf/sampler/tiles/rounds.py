@@ -121,6 +121,7 @@ class Round(NamedTuple):
     looks: NDArray[np.int64]  # (n,): steps of a tile at which what is there is kept; the last is the end
     probes: NDArray[np.int64]  # (n_probes,): pixels whose colour is kept with it
     density: Floats  # of the chain
+    lines: Floats  # of the chain
     tuning: Floats  # of the chain
     move_probabilities: Floats  # of the chain, but for moves on the border
     aim: Floats  # (n_targets,): probabilities of the targets, summed
@@ -160,6 +161,7 @@ def make_round(
         looks=np.arange(1, n_looks + 1) * (steps // len(tiles)) // n_looks,
         probes=probes,
         density=chain.density.copy(),
+        lines=chain.lines.copy(),
         tuning=chain.tuning.copy(),
         move_probabilities=move_probabilities / move_probabilities.sum(),
         aim=chain.targets.cumulative.copy(),

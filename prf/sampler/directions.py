@@ -1,0 +1,89 @@
+"""The directions of the building, drawn given the map.
+
+Given the map, strength K and angle a of the law of directions have the density
+
+    prior(K, a) exp(sum_e log m(theta_e) - sum_e (lambda(theta_e) - 2 p) |e|) / Z(K, a)
+
+(:mod:`prf.model.orientation`), in which readings have no part. With a cost of black this is the joint law as well: the
+normalised law of map, K and a, times the tilt. K and a are then not distributed by their prior before any reading.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy.special import ive
+
+from prf.kernels import constants as c
+from prf.kernels.state.chain import Chain
+from prf.model.orientation import (
+    MEAN_STRENGTH,
+    RIGHT_ANGLE,
+    Orientation,
+    crossing_rate,
+    log_normaliser,
+)
+from prf.model.sensors import MOST_ORIENTATION
+from prf.model.window import Window
+
+TURNS = 8
+"""Proposals of each at a time."""
+ANYWHERE = 0.2
+"""Share of the angles that are proposed anywhere."""
+DECADES = (-3.0, 0.0)
+"""Of the steps of the others (angles in radians), whose scale is drawn for each."""
+
+
+class Alignment:
+    """Directions and lengths of the edges of a map, and how probable strength and angle are for it."""
+
+    def __init__(self, chain: Chain) -> None:
+        graph = chain.graph
+        xy = graph.edge_xy[graph.members[c.EDGES, : graph.counts[c.EDGES]]]
+        step = (xy[:, 2] - xy[:, 0]) + 1j * (xy[:, 3] - xy[:, 1])
+        self.length = np.abs(step)
+        self.fourfold = (step / self.length) ** 4
+        self.scale, self.window = float(chain.density[c.SCALE]), Window(*graph.window.tolist())
+
+    def log_density(self, strength: float, angle: float) -> float:
+        """Return the log of the density of the map, up to what does not depend on strength and angle."""
+        aligned = (self.fourfold * np.exp(-4j * angle)).real
+        log_measure = strength * aligned.sum() - len(aligned) * (math.log(ive(0, strength)) + strength)
+        crossed = float((crossing_rate(strength, aligned, self.scale) - 2.0 * self.scale) @ self.length)
+        return float(log_measure) - crossed - log_normaliser(strength, angle, self.scale, self.window)
+
+
+def redraw_directions(chain: Chain, orientation: Orientation, rng: np.random.Generator) -> None:
+    """Draw what is sampled of the law of directions by some Metropolis steps; sums are to be recomputed then.
+
+    With an inverse temperature above 1 the density is raised to it, as in :mod:`prf.sampler.anneal`.
+    """
+    if not orientation.is_sampled:
+        return
+    edges = Alignment(chain)
+    beta = float(chain.density[c.INVERSE_TEMPERATURE])
+
+    def log_target(strength: float, angle: float) -> float:
+        prior = -strength / MEAN_STRENGTH if orientation.strength is None else 0.0
+        return beta * (edges.log_density(strength, angle) + prior)
+
+    strength, angle = float(chain.lines[c.ORIENTATION]), float(chain.lines[c.ANGLE])
+    now = log_target(strength, angle)
+    for _ in range(TURNS):
+        for is_angle in (True, False):
+            if (orientation.angle if is_angle else orientation.strength) is not None:
+                continue
+            step = 10.0 ** rng.uniform(*DECADES) * rng.standard_normal()
+            new_strength, new_angle = strength, angle
+            if not is_angle:
+                new_strength = abs(strength + step)
+            elif rng.random() < ANYWHERE:
+                new_angle = RIGHT_ANGLE * rng.random()
+            else:
+                new_angle = (angle + step) % RIGHT_ANGLE
+            if new_strength <= MOST_ORIENTATION:
+                new = log_target(new_strength, new_angle)
+                if math.log(1.0 - rng.random()) < new - now:
+                    strength, angle, now = new_strength, new_angle, new
+    chain.lines[:] = orientation.lines(strength, angle, edges.scale, edges.window)
