@@ -46,6 +46,12 @@ def anneal(
         int | None, typer.Option("--steps", metavar="N", min=1, help=f"Steps a chain in all.  [{DEFAULT_STEPS:,}]")
     ] = None,
     time_budget: o.TimeBudget = None,
+    simplify: Annotated[
+        float | None,
+        typer.Option(
+            "--simplify", metavar="NATS", min=0.0, help="Then leave out what is worth no more than this in all."
+        ),
+    ] = None,
     seed: Seed = None,
     threads: Threads = 0,
     force: Force = False,
@@ -77,7 +83,7 @@ def anneal(
     used_seed = resolve_seed(seed)
     rule = StopRule(None if time_budget is not None else steps or DEFAULT_STEPS, time_budget)
     inputs = (laser, sonar, point_data)
-    found, made, stop = _cool(inputs, config, rule, used_seed, threads)
+    found, made, stop = _cool(inputs, config, rule, used_seed, threads, simplify)
     text = _write(target, found, {**made, "sources": named_sources(settings)}, logs)
     _report(found, text, target, made, json)
     stop.raise_if_requested(f"interrupted after {found.steps} steps; {target} has the best map so far")
@@ -89,12 +95,14 @@ def _cool(
     rule: StopRule,
     seed: int,
     threads: int,
+    budget: float | None,
 ) -> tuple[Annealed, dict[str, Any], Any]:
     """Return what annealing found, how it was made, and whether it was interrupted."""
     import os
     from concurrent.futures import ThreadPoolExecutor
 
     from prf.sampler.anneal import anneal as cool
+    from prf.sampler.anneal import simplified
     from prf.sampler.prepare import describe_readings, read_prepared
     from prf.shell.cli.console import progress
     from prf.shell.cli.run import graceful_stop
@@ -118,6 +126,9 @@ def _cool(
             on_progress=lambda now: reporter(now.share, T=f"{now.temperature:.2g}", best=f"{now.score:,.1f}"),
             stop_requested=lambda: stop.requested,
         )
+        if budget is not None and not stop.requested:
+            rng = spawn_generators(seed, config.sampler.chains + 1)[-1]
+            found = simplified(found, prepared.target, budget, rng)
     made = {
         "score": found.score,
         "steps": found.steps,
@@ -153,6 +164,7 @@ def _report(found: Annealed, text: str, target: str, made: dict[str, Any], json:
         "map": target,
         "score": found.score,
         "score_by_chain": list(found.by_chain),
+        "given_up": found.given_up,
         "n_vertices": found.best.n_vertices,
         "n_edges": found.best.n_edges,
         "geojson_bytes": len(encoded(text)),
@@ -167,10 +179,12 @@ def _report(found: Annealed, text: str, target: str, made: dict[str, Any], json:
         storage.emit_object("prf.anneal/1", result)
         return
     say = say_beside(target)
-    others = sorted(found.by_chain, reverse=True)[1:]
-    apart = f"; the next best chain ended {found.score - others[0]:,.1f} nats below" if others else ""
+    best, *others = sorted(found.by_chain, reverse=True)
+    apart = f"; the next best chain ended {best - others[0]:,.1f} nats below the best" if others else ""
     say(f"score  {found.score:,.1f} nats{apart}")
-    if others and found.score - others[0] > FAR_APART:
+    if others and best - others[0] > FAR_APART:
         say("       No two chains found the same map: more --steps may find a better one.")
+    if found.given_up > 0.0:
+        say(f"       {found.given_up:,.1f} nats were given up to leave out vertices")
     say(f"size   {result['geojson_bytes']:,} bytes of GeoJSON, {packed:,} bytes of packed coordinates")
     say(f"map    {target}: {found.best.n_vertices:,} vertices, {found.best.n_edges:,} edges")

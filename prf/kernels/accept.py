@@ -19,7 +19,7 @@ from prf.kernels.state.chain import Chain
 from prf.kernels.state.free_space import black_change
 from prf.kernels.state.guards import blocked_change, is_barred
 from prf.kernels.state.prior import log_line_prior_change, log_prior_change
-from prf.kernels.state.proposal import N_LOOP
+from prf.kernels.state.proposal import N_LOOP, N_NEW_EDGES, N_OLD_EDGES
 from prf.kernels.state.sites import any_inside, occupied_change
 
 
@@ -52,7 +52,9 @@ def needed_gain(chain: Chain, margin: float, tilt: float) -> float:
         return math.inf
     beta, power = density[c.INVERSE_TEMPERATURE], density[c.LIKELIHOOD_POWER]
     if beta != 1.0:
+        added = proposal.counts[N_NEW_EDGES] - proposal.counts[N_OLD_EDGES]
         line_prior = log_line_prior_change(chain.graph, proposal, density[c.SCALE], chain.lines) + tilt
+        line_prior -= density[c.EDGE_COST] * added
         margin = (margin - (beta - 1.0) * line_prior) / beta
     if power == 0.0:
         return -math.inf if margin < 0.0 else math.inf

@@ -113,6 +113,9 @@ PAIRS = {
 REVERSE = np.array([(PAIRS | {back: move for move, back in PAIRS.items()}).get(move, move) for move in range(N_MOVES)])
 """The move that undoes each: the other one of its pair, else itself."""
 
+BORDER_MOVES = (BOUNDARY_BIRTH, BOUNDARY_DEATH, CORNER_BIRTH, CORNER_DEATH, MOVE_BOUNDARY, PAST_CORNER, DOCK, UNDOCK)
+"""Those that change vertices on the border of the window."""
+
 # Columns of the table of outcomes.
 PROPOSED = 0
 VALID = 1  # passed legality and the crossing check
@@ -125,7 +128,8 @@ INVERSE_TEMPERATURE = 1  # 1 samples the posterior, more prefers its mode over l
 LIKELIHOOD_POWER = 2  # exponent of the likelihood: 1 the posterior, 0 the prior; leaves the prior alone
 OCCUPIED_COST = 3  # log likelihood that each occupied sensor or blocked piece takes, nats; inf: there may be none
 FREE_SPACE = 4  # nats that each square metre of black takes
-N_DENSITY = 5
+EDGE_COST = 5  # nats that each edge takes where the mode is sought, beside the prior
+N_DENSITY = 6
 
 # Entries of ``Chain.lines``: the directions that edges prefer (:mod:`prf.model.orientation`).
 ORIENTATION = 0  # K, how much; 0: all alike

@@ -15,13 +15,23 @@ import numpy as np
 
 from prf.configuration import Cooling, Start
 from prf.kernels import constants as c
+from prf.kernels.state.build import recompute_sums
 from prf.model.coloring import Coloring
+from prf.model.layout import read_coloring
+from prf.sampler.chain import line_score
+from prf.sampler.directions import redraw_directions
 from prf.sampler.ensemble import Ensemble
 from prf.sampler.session import StopRule, drive
-from prf.sampler.target import Target
+from prf.sampler.target import Target, make_chain, run_chain
 from prf.shell.scheduler import Workers
 
 COOLING = Cooling()
+FIRST_COST, N_COSTS = 0.3, 40
+"""Nats that an edge costs in the first stage of simplifying; in the last it costs the budget."""
+LOOKS = 10
+"""At the map in each stage, whether it is still within the budget."""
+STEPS_PER_EDGE = 30
+"""Between two looks: in a stage every vertex is asked some forty times whether it can go."""
 FROZEN = 1e12
 """Inverse temperature at which no step that loses anything is taken, whatever its proposal ratio."""
 
@@ -42,11 +52,12 @@ class Annealed(NamedTuple):
     steps: int  # of each chain
     share: float  # of the schedule that is done
     temperature: float
+    given_up: float = 0.0  # nats that simplifying has cost; below 0 where it found a better map
 
     @property
     def score(self) -> float:
         """|E| log p - 2 p length + log likelihood of the best map, in nats."""
-        return max(self.by_chain)
+        return max(self.by_chain) - self.given_up
 
 
 def anneal(
@@ -72,6 +83,33 @@ def anneal(
         for chain in ensemble.chains:
             chain.chain.density[c.INVERSE_TEMPERATURE] = beta
     return _best_so_far(ensemble, share, beta)
+
+
+def simplified(found: Annealed, target: Target, budget: float, rng: np.random.Generator) -> Annealed:
+    """Return the best map with fewer vertices, its score at most `budget` nats below the best one found.
+
+    Each edge costs something, more from stage to stage; at temperature 0 the chain gives up edges that explain less
+    than that, and moves what remains. The last stage within the budget counts.
+    """
+    plain = dataclasses.replace(target, seen=None).with_execution(resolution=None, tiles=0)
+    chain = make_chain(plain, found.best)
+    chain.density[c.INVERSE_TEMPERATURE] = FROZEN
+    for _ in range(LOOKS):
+        redraw_directions(chain, plain.orientation, rng)
+    recompute_sums(chain)
+    highest, simplest = line_score(chain), found
+    for cost in np.repeat(np.geomspace(FIRST_COST, max(FIRST_COST, budget), N_COSTS), LOOKS):
+        chain.density[c.EDGE_COST] = cost
+        step = int(chain.graph.counts[c.STEP])
+        chain = run_chain(chain, rng, step + STEPS_PER_EDGE * int(chain.graph.counts[c.EDGES] + 1))
+        recompute_sums(chain)
+        score = line_score(chain)
+        highest = max(highest, score)
+        if score < highest - budget:
+            break
+        best = read_coloring(chain.graph)
+        simplest = found._replace(best=best, given_up=max(found.by_chain) - score)
+    return simplest
 
 
 def _best_so_far(ensemble: Ensemble, share: float, beta: float) -> Annealed:

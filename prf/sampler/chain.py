@@ -172,6 +172,17 @@ class Record:
         return self.previous_black + image.black_time, self.previous_mixed + image.mixed_time
 
 
+def line_score(chain: Chain) -> float:
+    """Return log prior and log likelihood of a map as a density over its lines, nats (:mod:`prf.sampler.anneal`)."""
+    graph = chain.graph
+    edges, *vertices = (
+        graph.members[kind, : graph.counts[kind]] for kind in (c.EDGES, c.INTERIOR_VERTICES, c.BOUNDARY_VERTICES)
+    )
+    # From vertices to lines: the factors 1/|e| and sin(phi) are left out.
+    measure = np.log(graph.edge_length[edges]).sum() - sum(np.log(graph.vertex_sine[v]).sum() for v in vertices)
+    return float(graph.sums[c.LOG_PRIOR] + measure + graph.sums[c.LOG_LIKELIHOOD])
+
+
 class BestMap(Record):
     """The map of highest density over its lines (:mod:`prf.sampler.anneal`) among the draws, none of which is kept."""
 
@@ -181,13 +192,7 @@ class BestMap(Record):
 
     def take(self, chain: Chain, poses: PoseTurns | None = None) -> None:
         """Keep the present map if it is the best."""
-        graph = chain.graph
-        edges, *vertices = (
-            graph.members[kind, : graph.counts[kind]] for kind in (c.EDGES, c.INTERIOR_VERTICES, c.BOUNDARY_VERTICES)
-        )
-        # From vertices to lines: the factors 1/|e| and sin(phi) are left out.
-        measure = np.log(graph.edge_length[edges]).sum() - sum(np.log(graph.vertex_sine[v]).sum() for v in vertices)
-        score = np.array([graph.sums[c.LOG_PRIOR] + measure + graph.sums[c.LOG_LIKELIHOOD]])
+        graph, score = chain.graph, np.array([line_score(chain)])
         if self.best is None or score[0] > self.best.functionals[0]:
             self.best = Draw(int(graph.counts[c.STEP]), read_coloring(graph), score, np.zeros(0, np.bool_))
 

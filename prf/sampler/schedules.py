@@ -43,7 +43,6 @@ from prf.model.arak import exact_draws
 from prf.model.layout import grow, read_coloring
 from prf.sampler.directions import redraw_directions
 from prf.sampler.target import (
-    BORDER_MOVES,
     Target,
     exchanged,
     occupied_cost,
@@ -72,7 +71,7 @@ TURNS = 2
 """Turns in a cycle: one on the whole window, the others in a region each."""
 MARGIN = 4
 """Squares of targets by which a region reaches beyond those near its middle."""
-LEFT_OUT = (*BORDER_MOVES, c.CUT_WALL, c.MEND_WALL)
+LEFT_OUT = (*c.BORDER_MOVES, c.CUT_WALL, c.MEND_WALL)
 """Moves that are not made in a region: those on the window's border, and those that need the length of all edges."""
 
 Steps = Callable[[Chain, np.random.Generator, int], Chain]

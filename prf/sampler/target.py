@@ -243,18 +243,6 @@ def occupied_cost(target: Target, n_sites: int) -> float:
 
 MOVE_WEIGHTS = {move: weight for move, (_, weight) in enumerate(c.MOVES)}
 """Weight of each move."""
-BORDER_MOVES = (
-    c.BOUNDARY_BIRTH,
-    c.BOUNDARY_DEATH,
-    c.CORNER_BIRTH,
-    c.CORNER_DEATH,
-    c.MOVE_BOUNDARY,
-    c.PAST_CORNER,
-    c.DOCK,
-    c.UNDOCK,
-)
-"""Those that change vertices on the border of the window."""
-
 FIRST_CAPACITY = 256
 FIRST_CELL_ROOM = 24
 CELLS_A_LENGTH = 4.0 / np.pi

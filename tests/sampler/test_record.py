@@ -15,7 +15,7 @@ from prf.model.coloring import Coloring, black_at
 from prf.model.layout import pixel_centres, read_coloring
 from prf.model.window import Window
 from prf.sampler import ChainRun
-from prf.sampler.chain import FIRST_EPOCH, FIRST_THIN, FUNCTIONALS, Draw, Record, burn_in
+from prf.sampler.chain import FIRST_EPOCH, FIRST_THIN, Draw, Record, burn_in, named_values
 from prf.sampler.target import Execution, Target
 from tests.driving import step_to
 from tests.reference.beams import Sensor
@@ -112,7 +112,7 @@ def test_a_draw_holds_the_state_at_its_step(world: World) -> None:
     step_to(sampler, 2000)
     sampler.record.take(sampler.chain)
     (draw,) = sampler.record.draws
-    found = dict(zip(FUNCTIONALS, draw.functionals, strict=True))
+    found = named_values(draw.functionals, sampler.target)
     graph, coloring = sampler.chain.graph, read_coloring(sampler.chain.graph)
     assert np.array_equal(draw.coloring.xy, coloring.xy)
     assert found["n_edges"] == coloring.n_edges

@@ -110,9 +110,11 @@ def test_moves_are_chosen_with_their_probabilities() -> None:
     chain = make_chain(Target(UNIT, 1.0), Coloring.empty(UNIT))
     n = 200_000
     run(chain, np.random.default_rng(4), n)
-    share = np.array([MOVE_WEIGHTS[move] for move in range(c.N_MOVES)]) / sum(MOVE_WEIGHTS.values())
-    z = (chain.outcomes[:, c.PROPOSED] / n - share) / np.sqrt(share * (1.0 - share) / n)
+    weights = np.array([MOVE_WEIGHTS[move] for move in range(c.BOX_BIRTH)])
+    share = weights / weights.sum()
+    z = (chain.outcomes[: c.BOX_BIRTH, c.PROPOSED] / n - share) / np.sqrt(share * (1.0 - share) / n)
     assert np.abs(z).max() < 4.5, z
+    assert chain.outcomes[c.BOX_BIRTH :, c.PROPOSED].sum() == 0, "boxes are for those who prefer directions"
 
 
 def test_tuning_follows_the_scale_unless_it_is_given() -> None:

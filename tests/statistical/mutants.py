@@ -96,7 +96,7 @@ BEND_WALLS = Mutant(
 )
 ONE_SIZE = Mutant(
     "births of three sizes that count the largest alone",
-    (("interior_triangle.py", "reach_of(tuning, size), u, v, w)", "reach_of(tuning, 0), u, v, w)"),),
+    (("interior_triangle.py", "median = placing.reach_of(tuning, size)", "median = placing.reach_of(tuning, 0)"),),
 )
 WHOLE_AREA = Mutant(
     "births in a tile that count the area of the whole window (10 x 10 m)",
@@ -107,8 +107,8 @@ RARE_TURNS = Mutant(
     (
         (
             "../arak_sampler.py",
-            "rng.standard_exponential() / (2.0 * size.p)",
-            "rng.standard_exponential() / (1.9 * size.p)",
+            "rng.standard_exponential() / (2.0 * size.p * crossing",
+            "rng.standard_exponential() / (1.9 * size.p * crossing",
         ),
     ),
 )

@@ -26,7 +26,7 @@ from prf.model.sensors import LaserModel, SonarModel
 from prf.model.window import INTERIOR, Window
 from prf.readings.way import way_guards
 from prf.sampler.chain import FIRST_THIN
-from prf.sampler.target import BORDER_MOVES, NO_LASER, NO_SONAR, Target, poses_of, rays_of, return_points, white_places
+from prf.sampler.target import NO_LASER, NO_SONAR, Target, poses_of, rays_of, return_points, white_places
 
 Floats = NDArray[np.float64]
 
@@ -149,7 +149,7 @@ def make_round(
     vertex_tile[coloring.side != INTERIOR] = c.NONE
     first, last = vertex_tile[coloring.edges].T
     move_probabilities = chain.move_probabilities.copy()
-    move_probabilities[list(BORDER_MOVES)] = 0.0  # left to the steps between rounds
+    move_probabilities[list(c.BORDER_MOVES)] = 0.0  # left to the steps between rounds
     return Round(
         coloring,
         chain.image.grid,
