@@ -31,6 +31,8 @@ Floats = NDArray[np.float64]
 MEAN_STRENGTH = 2.0
 """Of the exponential prior of a strength K that is sampled."""
 RIGHT_ANGLE = 0.5 * math.pi
+N_DIRECTIONS, SHARPNESS = 3600, 100.0
+"""Of :func:`wall_direction`: steps of a fortieth of a degree, and K of the window."""
 _HARMONICS = np.arange(1, c.N_TERMS + 1)
 _WEIGHTS = 2.0 / (16.0 * _HARMONICS**2 - 1.0)
 
@@ -94,6 +96,21 @@ def unwrapped(angle: Floats) -> Floats:
     """Return angles (n,) up to right angles such that none is further than half a right angle from their mean."""
     mean = np.angle(np.exp(4j * angle).mean()) / 4.0 % RIGHT_ANGLE
     found: Floats = mean + (angle - mean + 0.5 * RIGHT_ANGLE) % RIGHT_ANGLE - 0.5 * RIGHT_ANGLE
+    return found
+
+
+def wall_direction(step: Floats, owner: NDArray[np.int64], n_maps: int) -> Floats:
+    """Return the direction (n_maps,) in which most metres of each map's edges run, up to a right angle.
+
+    It is the mode of the directions, by length, seen through a window of some three degrees: edges in all directions do
+    not turn it. `step` (n, 2): from end to end of each edge, metres; `owner` (n,): its map.
+    """
+    bins = (np.arctan2(step[:, 1], step[:, 0]) % RIGHT_ANGLE / RIGHT_ANGLE * N_DIRECTIONS).astype(int) % N_DIRECTIONS
+    metres = np.zeros((n_maps, N_DIRECTIONS))
+    np.add.at(metres, (owner, bins), np.hypot(*step.T))
+    kernel = np.exp(SHARPNESS * (np.cos(4.0 * RIGHT_ANGLE * np.arange(N_DIRECTIONS) / N_DIRECTIONS) - 1.0))
+    smooth = np.fft.irfft(np.fft.rfft(metres, axis=1) * np.fft.rfft(kernel), N_DIRECTIONS, axis=1)
+    found: Floats = (smooth.argmax(axis=1) + 0.5) * RIGHT_ANGLE / N_DIRECTIONS
     return found
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from prf.model.coloring import Coloring, Draws
+from prf.model.orientation import unwrapped, wall_direction
 from prf.poses.posterior import Trajectory
 from prf.readings import PointTable, Readings
 from prf.readings.counts import BeamCounts
@@ -103,10 +104,16 @@ class RunData:
 
     @property
     def building(self) -> dict[str, float] | None:
-        """What is known of the building's directions where they were sampled: means, standard deviations (radians)."""
-        angle, strength = (self.functionals.get(name) for name in ("orientation_angle", "orientation"))
-        if angle is None or strength is None or len(angle) == 0:
+        """Direction of the walls (radians, up to a right angle) and the strength of their preference, where sampled.
+
+        Means and standard deviations over the draws. The direction is that in which most metres of a draw's edges run
+        (:func:`prf.model.orientation.wall_direction`); the angle of the prior counts a splinter as much as a corridor.
+        """
+        strength = self.functionals.get("orientation")
+        if strength is None or len(strength) == 0:
             return None
+        step = np.diff(self.draws.xy[self.draws.global_edges()], axis=1)[:, 0]
+        angle = unwrapped(wall_direction(step, self.draws.draw_of_edge(), len(strength)))
         return {
             "angle": float(angle.mean()) % (0.5 * math.pi),
             "angle_sd": float(angle.std()),

@@ -49,6 +49,36 @@ def test_draws_to_standard_output_leave_the_summary_to_standard_error(capsys: py
     assert "draws       3" in streams.err
 
 
+@pytest.mark.parametrize("method", ["exact", "mcmc"])
+def test_directions_and_free_space_have_their_laws(method: str, capsys: pytest.CaptureFixture[str]) -> None:
+    draw = [
+        "prior",
+        "--window",
+        "0",
+        "0",
+        "2",
+        "1",
+        "--scale",
+        "1",
+        "--draws",
+        "400",
+        "--seed",
+        "1",
+        "--json",
+        "--method",
+    ]
+    oriented = ["--set", "prior.orientation=3", "--set", "prior.orientation_angle=0.2"]
+    results = []
+    for settings in (oriented, [], ["--set", "prior.free_space=1"]):
+        assert prf(*draw, method, *settings) == 0
+        results.append(json.loads(capsys.readouterr().out))
+    turned, plain, free = results
+    assert turned["orientation"] == 3.0
+    assert turned["mean_edges"] == pytest.approx(turned["expected_edges"], rel=0.1)
+    assert turned["expected_edges"] < plain["expected_edges"]
+    assert free["expected_edges"] is None
+
+
 def test_the_chain_draws_maps_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "draws.geojsonl"
     args = ("--draws", "20", "--method", "mcmc", "--thin", "200", "--seed", "2", "-o", str(path), "--json")
@@ -153,6 +183,20 @@ def test_json_has_sizes(data_dir: Path, tmp_path: Path, capsys: pytest.CaptureFi
     assert result["packed_bytes"] == 4 * result["n_vertices"]
     assert len(result["score_by_chain"]) == 2
     assert result["complete"]
+
+
+def test_a_map_is_simpler_within_a_budget_of_nats(
+    made: Path, data_dir: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    target = tmp_path / "b.geojson"
+    arguments = ["--every-scan", "5", "--every-beam", "6", "--chains", "1", "--steps", "40000", "--seed", "1"]
+    log, simpler = str(data_dir / "demo-office.log.gz"), ["--simplify", "60", "--json", "-q"]
+    assert prf("anneal", "--laser", log, *arguments, "-o", str(target), *simpler) == 0
+    result = json.loads(capsys.readouterr().out)
+    coloring, properties = read_map_feature(made)
+    assert result["n_vertices"] < coloring.n_vertices
+    assert result["score"] >= properties["score"] - 60.0
+    assert result["score"] == pytest.approx(max(result["score_by_chain"]) - result["given_up"])
 
 
 def test_the_page_is_beside_the_run_by_default(tmp_path: Path) -> None:
