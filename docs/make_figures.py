@@ -25,6 +25,9 @@ from playwright.sync_api import sync_playwright
 
 import mapq.cli
 import prf.cli
+from prf.model.coloring import count_black, read_geojsonl
+from prf.model.layout import image_grid
+from prf.model.window import Window
 from prf.shell.cli.run import run_app
 
 ROOT = Path(__file__).parent.parent
@@ -151,6 +154,52 @@ def draw_real_places(folder: Path) -> None:
         photograph(folder / f"{name}.html", IMAGES / f"{name}.png")
 
 
+Priors = dict[str, tuple[object, ...]]
+"""Settings by what they are called."""
+DIRECTED = ("--set", "prior.orientation=4", "--set", "prior.orientation_angle=0.2")
+FREE = ("--set", "prior.free_space=0.03")
+
+
+def draw_priors(folder: Path) -> None:
+    """Make the pictures of a prior that knows buildings: draws, a room seen through its door, a tenth of Intel."""
+    figure, axes = plt.subplots(1, 3, figsize=(13, 4.2), layout="constrained")
+    priors: Priors = {
+        "the plain process": (),
+        "orientation 4, angle 0.2": DIRECTED,
+        "and free space 0.03 /m²": (*DIRECTED, *FREE),
+    }
+    for each, (title, settings) in zip(axes, priors.items(), strict=True):
+        file = folder / "draw.geojsonl"
+        size = ("--scale", 0.25, "--window", 0, 0, 24, 16, "--draws", 1, "--seed", 4, "--method", "mcmc")
+        call(prf.cli, "prior", *size, *settings, "-o", file, "--force", "-q")
+        cells = image_grid(Window(0.0, 0.0, 24.0, 16.0), 0.02)
+        black = count_black(read_geojsonl(file), cells).reshape(cells.ny, cells.nx)
+        each.imshow(black, origin="lower", extent=(0, 24, 0, 16), cmap="gray_r", vmin=0, vmax=1)
+        each.set_title(title, loc="left", fontsize=11)
+    save(figure, IMAGES / "prior-building.png")
+    room = ("--laser", LOG, "--skip-scans", "12:16", "--window", -0.7, -0.7, 22.7, 14.7, "--steps", STEPS, "--seed", 1)
+    shown: Priors = {
+        "plain": (),
+        "building": ("--preset", "building"),
+        "with free space 0.03 /m²": ("--preset", "building", *FREE),
+    }
+    compare_priors(folder, room, shown, IMAGES / "room-building.png")
+    if PUBLIC.exists():
+        corrected = ("--laser", INTEL, "--every-scan", 10, "--noise", 0.05, "--max-range", 40, "--seed", 1)
+        del shown["with free space 0.03 /m²"]
+        compare_priors(folder, (*corrected, "--time-budget", 60), shown, IMAGES / "intel-building.png")
+
+
+def compare_priors(folder: Path, log: tuple[object, ...], priors: Priors, path: Path) -> None:
+    """Draw the posteriors of one log under some priors side by side."""
+    figure, axes = plt.subplots(1, len(priors), figsize=(13, 4.2), layout="constrained", sharex=True, sharey=True)
+    for each, (title, settings) in zip(axes, priors.items(), strict=True):
+        run = folder / "run"
+        call(prf.cli, "sample", *log, *settings, "-o", run, "--force", "-q")
+        show_cells(each, run / "posterior.npz", title)
+    save(figure, path)
+
+
 def photograph(report: Path, path: Path, script: str = "") -> None:
     """Take a screenshot of a report after a script; the picture stays as it is where there is no browser."""
     program = shutil.which("chromium")
@@ -172,7 +221,7 @@ def photograph(report: Path, path: Path, script: str = "") -> None:
 
 def main() -> None:
     """Make every picture."""
-    drawings: tuple[Callable[[Path], None], ...] = (draw_office, draw_town, draw_real_places)
+    drawings: tuple[Callable[[Path], None], ...] = (draw_office, draw_town, draw_priors, draw_real_places)
     for draw in drawings:
         with TemporaryDirectory() as folder:
             draw(Path(folder))

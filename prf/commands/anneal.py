@@ -48,9 +48,7 @@ def anneal(
     time_budget: o.TimeBudget = None,
     simplify: Annotated[
         float | None,
-        typer.Option(
-            "--simplify", metavar="NATS", min=0.0, help="Then leave out what is worth no more than this in all."
-        ),
+        typer.Option("--simplify", metavar="NATS", min=0.0, help="Then fewer vertices, losing at most so much."),
     ] = None,
     seed: Seed = None,
     threads: Threads = 0,

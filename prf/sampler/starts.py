@@ -191,7 +191,7 @@ FEWEST_EDGES = 2.0
 """Edges that the prior has in the window in the mean at least, if steps there can pay."""
 ENLARGED = 20.0
 """Moves there reach so many times as far as elsewhere."""
-REACHES = [c.BIRTH_REACH, c.SPLIT_REACH, c.MOVE_REACH, c.CUT_REACH, c.JOIN_REACH]
+REACHES = [c.BIRTH_REACH, c.SPLIT_REACH, c.MOVE_REACH, c.CUT_REACH, c.JOIN_REACH, c.AIM_REACH]
 EDGE_CELL = 0.1
 """Side of the cells of the index of edges there, over the scale: which pairs are recoloured together."""
 CELL_ROOM = 64
