@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from prf.model.coloring import Coloring, Draws
-from prf.model.orientation import unwrapped, wall_direction
+from prf.model.orientation import wall_direction
 from prf.poses.posterior import Trajectory
 from prf.readings import PointTable, Readings
 from prf.readings.counts import BeamCounts
@@ -106,17 +106,20 @@ class RunData:
     def building(self) -> dict[str, float] | None:
         """Direction of the walls (radians, up to a right angle) and the strength of their preference, where sampled.
 
-        Means and standard deviations over the draws. The direction is that in which most metres of a draw's edges run
-        (:func:`prf.model.orientation.wall_direction`); the angle of the prior counts a splinter as much as a corridor.
+        The direction is that in which most metres of edges run (:func:`prf.model.orientation.wall_direction`), over all
+        draws, and how far that of each is off: the angle of the prior counts a splinter as much as a corridor. Of the
+        strength, mean and standard deviation.
         """
         strength = self.functionals.get("orientation")
         if strength is None or len(strength) == 0:
             return None
         step = np.diff(self.draws.xy[self.draws.global_edges()], axis=1)[:, 0]
-        angle = unwrapped(wall_direction(step, self.draws.draw_of_edge(), len(strength)))
+        owner = self.draws.draw_of_edge()
+        angle = float(wall_direction(step, np.zeros_like(owner), 1)[0])
+        off = np.angle(np.exp(4j * (wall_direction(step, owner, len(strength)) - angle))) / 4.0
         return {
-            "angle": float(angle.mean()) % (0.5 * math.pi),
-            "angle_sd": float(angle.std()),
+            "angle": angle,
+            "angle_sd": float(np.sqrt(np.mean(off**2))),
             "orientation": float(strength.mean()),
             "orientation_sd": float(strength.std()),
         }

@@ -272,6 +272,7 @@ class ChainRun:
         while self.step < end:
             move, until = self.schedule.turn(self.step, min(end, self.record.next_stop(self.step)), end)
             self.chain = move(self.chain, self.rng, until)
+            redraw_directions(self.chain, self.target.orientation, self.rng)
             self.record.take(self.chain, self.poses)
         period = BLOCKS_PER_GROUND * self.block
         due = self.step // period - begun // period
@@ -290,7 +291,6 @@ class ChainRun:
         """Recompute sums and lists, and look which returns no edge explains, as at the end of every round."""
         if self.ground is not None:
             self.chain = self.ground.settle(self.chain)
-        redraw_directions(self.chain, self.target.orientation, self.rng)
         recompute_sums(self.chain)
         self.n_unexplained += unexplained(self.chain)
         self.n_looks += 1.0

@@ -327,9 +327,8 @@ class Ladder(Plain):
         return True
 
     def settle(self) -> None:
-        """Redraw directions of all hot chains, and recompute their sums and lists."""
-        for chain, rng in zip(self.hot, self.generators, strict=True):
-            redraw_directions(chain, self.target.orientation, rng)
+        """Recompute sums and lists of all hot chains."""
+        for chain in self.hot:
             recompute_sums(chain)
 
     def turn(self, step: int, stop: int, end: int) -> tuple[Steps, int]:
@@ -343,6 +342,7 @@ class Ladder(Plain):
         for k, power in enumerate(self.powers[1:]):
             if power > 0.0:
                 self.hot[k] = run_chain(self.hot[k], self.generators[k], step)
+                redraw_directions(self.hot[k], self.target.orientation, self.generators[k])
             else:
                 self.hot[k].graph.counts[c.STEP] = step
         return self.swap(cold, (step // self.spacing) % 2) if step % self.spacing == 0 else cold
