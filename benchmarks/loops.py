@@ -69,7 +69,7 @@ def run_to_stage(chain: Chain, rng: np.random.Generator, n: int, stage: int) -> 
         if ratio == -math.inf:
             continue
         needed -= ratio
-        needed -= log_prior_change(graph, proposal, chain.density[c.SCALE])
+        needed -= log_prior_change(graph, proposal, chain.density[c.SCALE], chain.lines)
         if stage == PRIOR or any_inside(chain.sensors, proposal.loop, proposal.counts[N_LOOP]):
             continue
         if stage == SENSORS:
@@ -133,7 +133,7 @@ def step_from_scratch(chain: Chain, rng: np.random.Generator) -> None:
     ratio = log_proposal_ratio(chain.move_probabilities, move, log_forward, log_reverse)
     if ratio == -math.inf:
         return
-    prior = log_prior_change(graph, proposal, chain.density[c.SCALE])
+    prior = log_prior_change(graph, proposal, chain.density[c.SCALE], chain.lines)
     if any_inside(chain.sensors, proposal.loop, proposal.counts[N_LOOP]):
         return
     likelihood = log_likelihood_from_scratch(chain) - graph.sums[c.LOG_LIKELIHOOD]

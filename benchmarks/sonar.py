@@ -65,7 +65,7 @@ def decide(chain: Chain, rng: np.random.Generator, n: int, from_scratch: bool, c
         ratio = log_proposal_ratio(chain.move_probabilities, move, log_forward, log_reverse)
         if ratio == -math.inf or any_inside(chain.sensors, proposal.loop, proposal.counts[N_LOOP]):
             continue
-        ratio += log_prior_change(graph, proposal, chain.density[c.SCALE])
+        ratio += log_prior_change(graph, proposal, chain.density[c.SCALE], chain.lines)
         if from_scratch:
             change = 0.0
             for cone in range(cones.pose.shape[0]):
