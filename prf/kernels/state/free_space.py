@@ -94,7 +94,7 @@ def loop_sign(graph: Graph, index: EdgeIndex, proposal: Proposal) -> float:
     """Change of black area over the area inside the loop, if no edge lies inside it.
 
     An edge that goes has white on its left in the direction of the loop where the change is the signed area. Where none
-    goes the loop is a triangle, and the colour at one of its new sides decides.
+    goes the loop is a triangle or a box, and the colour at one of its sides decides.
     """
     loop, n = proposal.loop, proposal.counts[N_LOOP]
     for old in range(proposal.counts[N_OLD_EDGES]):
