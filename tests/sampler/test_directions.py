@@ -44,15 +44,34 @@ def test_a_redraw_keeps_the_sum_and_what_is_given(known: Orientation) -> None:
     assert all(0.0 <= angle < 0.5 * math.pi for _, angle in seen)
 
 
-def laser_target() -> Target:
+def laser_target(free_space: float = 0.0) -> Target:
     world = draw_world(0.15, ROOM, SENSOR, N_SENSORS, N_BEAMS, np.random.default_rng(5))
-    return Target(ROOM, 0.15, world.data, orientation=Orientation(None, None), execution=Execution(resolution=0.25))
+    return Target(
+        ROOM,
+        0.15,
+        world.data,
+        orientation=Orientation(None, None),
+        free_space=free_space,
+        execution=Execution(resolution=0.25),
+    )
 
 
 def run_to(sampler: Ensemble, steps: int) -> Ensemble:
     while sampler.step < steps:
         advance(sampler)
     return sampler
+
+
+def test_ground_that_no_reading_concerns_is_drawn_under_the_same_prior() -> None:
+    """A chain whose map is turned over there is what its map says, black area and directions among it."""
+    sampler = Ensemble(laser_target(0.2), np.random.default_rng(8).spawn(1))
+    (run,) = sampler.chains
+    assert run.ground is not None
+    run.redraw_ground(200_000)
+    run.settle()
+    assert run.chain.graph.counts[c.EDGES] > 0
+    assert differences(run.chain) == []
+    assert differences(run_to(sampler, 60_000).chains[0].chain) == []
 
 
 @pytest.mark.parametrize("temperatures", [1, 3])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -12,6 +14,7 @@ from prf.kernels.state.targets import Targets
 from prf.model.arak import exact_draws
 from prf.model.coloring import violations
 from prf.model.layout import image_grid, read_coloring
+from prf.model.orientation import Orientation
 from prf.model.window import Window
 from prf.sampler import Ensemble
 from prf.sampler.chain import functionals
@@ -198,7 +201,10 @@ def test_threads_change_no_result(target: Target) -> None:
     assert np.nanmax(one.occupancy()[1]) <= 1.0
 
 
-def test_draws_within_a_round_are_what_their_maps_say(target: Target, world: World) -> None:
+@pytest.mark.parametrize("is_building", [False, True], ids=["plain", "directions and free space"])
+def test_draws_within_a_round_are_what_their_maps_say(target: Target, world: World, is_building: bool) -> None:
+    if is_building:
+        target = dataclasses.replace(target, orientation=Orientation(1.5, 0.3), free_space=0.4)
     probes = np.arange(0, 480, 7)
     trial = Trial(target, world, 6)
     begun = make_round(trial.data, trial.chain, 6, 1.5, 6000, np.random.default_rng(6), 3, probes)
