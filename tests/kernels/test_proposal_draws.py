@@ -35,7 +35,7 @@ from tests.reference.plain_map import (
     round_the_middle,
     round_the_point,
 )
-from tests.reference.proposals import SIZES, Plan, log_proposal_density, new_points
+from tests.reference.proposals import SIZES, Plan, log_proposal_density, new_points, square_corner
 from tests.reference.scripted import (
     FIRST,
     SCRIPTS,
@@ -45,14 +45,17 @@ from tests.reference.scripted import (
     along,
     below,
     beyond,
+    box_sides,
     edge_slot,
     end_points,
     gone_vertex,
+    not_squared,
     number_of,
     pick,
     picked_by,
     reached,
     scripted,
+    vertex_slot,
     within,
 )
 
@@ -144,15 +147,58 @@ def corner_birth(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator
 
 
 def split(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[Branch]:
-    (numbers,) = SCRIPTS[c.SPLIT](chain, x, y, plan)
-    (edge,) = x.edges - y.edges
-    assert 0.0 < foot_and_offset(*new_points(x, y, False), *edge)[0] < 1.0
-    yield Branch(0.5 / len(x.edges), numbers, [1, 2])
+    *_, numbers = SCRIPTS[c.SPLIT](chain, x, y, plan)
+    (edge,), (v,) = x.edges - y.edges, new_points(x, y, False)
+    first = 1 + len(not_squared(plan))
+    if 0.0 < foot_and_offset(v, *edge)[0] < 1.0:
+        yield Branch(0.5 * (1.0 - plan.square_share) / len(x.edges), numbers, [first, first + 1])
+    yield from squared(numbers[0], end_points(chain, edge), v, plan, 1.0 / len(x.edges))
+
+
+def squared(picked: float, ends: tuple[Point, Point], v: Point, plan: Plan, probability: float) -> Iterator[Branch]:
+    """A corner from which the building's directions lead to both ends, in their order, and v near it."""
+    u, w = ends
+    for which, corner in (
+        (FIRST, square_corner(u, w, plan.orientation)),
+        (SECOND, square_corner(w, u, plan.orientation)),
+    ):
+        numbers = [
+            picked,
+            below(plan.square_share),
+            which,
+            reached(math.dist(v, corner), plan.cut_reach),
+            turn(corner, v),
+        ]
+        if plan.square_share > 0.0:
+            yield Branch(0.5 * plan.square_share * probability, numbers, [3, 4])
 
 
 def move_interior(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[Branch]:
     (numbers,) = SCRIPTS[c.MOVE_INTERIOR](chain, x, y, plan)
-    yield Branch(1.0 / len(x.interior()), numbers, [1, 2])
+    first, share = 1 + len(not_squared(plan)), 1.0 / len(x.interior())
+    yield Branch((1.0 - plan.square_share) * share, numbers, [first, first + 1])
+    v, (moved,) = gone_vertex(x, y), new_points(x, y, False)
+    graph, slot = chain.graph, vertex_slot(chain, v)
+    far = [next(u for u in graph.edge_vertices[e].tolist() if u != slot) for e in graph.vertex_edges[slot]]
+    u, w = ((float(graph.vertex_xy[k, 0]), float(graph.vertex_xy[k, 1])) for k in far)
+    yield from squared(numbers[0], (u, w), moved, plan, share)
+
+
+def box_birth(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[Branch]:
+    for u in new_points(x, y, False):
+        for v, t in itertools.permutations(y.neighbors(u)):
+            for size, factor in enumerate(SIZES):
+                sides = box_sides(u, v, t, y, plan, plan.aim_reach * factor)
+                chosen = (size + 0.5) / len(SIZES)
+                picked, signs = (1.0 - plan.aimed) / len(SIZES), 0.5**6
+                places = [2, 3, 4, 6, 8, 10, 12, 14]
+                yield Branch(picked * signs, [chosen, beyond(plan.aimed), *across(x.window, u), *sides], places)
+                square = plan.target(u)
+                if square is not None:
+                    first = [picked_by(chain.targets, square), *within(plan, square, u)]
+                    picked = plan.aimed / len(SIZES) * plan.targets[square]
+                    numbers = [chosen, below(plan.aimed), *first, *sides]
+                    yield Branch(picked * signs, numbers, [place + 1 for place in places])
 
 
 def move_boundary(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[Branch]:
@@ -260,6 +306,7 @@ BRANCHES: dict[int, Callable[[Chain, PlainMap, PlainMap, Plan], Iterator[Branch]
     c.DOCK: dock,
     c.NOTCH: notch,
     c.BEND: bend,
+    c.BOX_BIRTH: box_birth,
 }
 
 

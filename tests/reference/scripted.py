@@ -397,13 +397,17 @@ def bend(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[list[fl
 def box_birth(chain: Chain, x: PlainMap, y: PlainMap, plan: Plan) -> Iterator[list[float]]:
     u, *_ = new_points(x, y, False)
     v, t = y.neighbors(u)
+    yield [0.5 / 3.0, *aimed(plan), *across(x.window, u), *box_sides(u, v, t, y, plan, plan.aim_reach)]
+
+
+def box_sides(u: Point, v: Point, t: Point, y: PlainMap, plan: Plan, size: float) -> list[float]:
+    """Numbers of the corners v along the building from u, t across it, and that opposite."""
     (w,) = set(y.neighbors(v)) - {u}
-    along = unit(plan.orientation)
+    along, m = unit(plan.orientation), plan.cut_reach
     shifts = [(p[0] - u[0], p[1] - u[1]) for p in (v, t, w)]
     (v1, v2), (t1, t2), (w1, w2) = ((dx * along[0] + dy * along[1], dy * along[0] - dx * along[1]) for dx, dy in shifts)
-    size, m = plan.aim_reach, plan.cut_reach
-    sides = [*signed(v1, size), *signed(v2, m), *signed(t2, size), *signed(t1, m)]
-    yield [0.5 / 3.0, *aimed(plan), *across(x.window, u), *sides, *signed(w1 - v1 - t1, m), *signed(w2 - v2 - t2, m)]
+    numbers = [*signed(v1, size), *signed(v2, m), *signed(t2, size), *signed(t1, m)]
+    return [*numbers, *signed(w1 - v1 - t1, m), *signed(w2 - v2 - t2, m)]
 
 
 SCRIPTS: dict[int, Script] = {
