@@ -124,9 +124,17 @@ def _cool(
             on_progress=lambda now: reporter(now.share, T=f"{now.temperature:.2g}", best=f"{now.score:,.1f}"),
             stop_requested=lambda: stop.requested,
         )
-        if budget is not None and not stop.requested:
-            rng = spawn_generators(seed, config.sampler.chains + 1)[-1]
-            found = simplified(found, prepared.target, budget, rng)
+    if budget is not None and not stop.requested:
+        rng = spawn_generators(seed, config.sampler.chains + 1)[-1]
+        with graceful_stop() as stop, progress(1.0, "simplifying") as reporter:
+            found = simplified(
+                found,
+                prepared.target,
+                budget,
+                rng,
+                on_progress=lambda share, now: reporter(share, vertices=now.best.n_vertices),
+                stop_requested=lambda: stop.requested,
+            )
     made = {
         "score": found.score,
         "steps": found.steps,

@@ -13,6 +13,7 @@ from prf.shell.cli.settings import Loaded
 
 if TYPE_CHECKING:
     from prf.model.coloring import Draws
+    from prf.model.orientation import Orientation
 
 EXAMPLES = (
     "prf prior --scale 1 --window 0 0 1 1 --draws 1000 --method exact --seed 1 -o draws.geojsonl",
@@ -66,23 +67,14 @@ def prior(
     if output is not None:
         claim_output(output, force, suffixes=(".geojsonl", ".geojson", ".txt"), json=json)
     used_seed = resolve_seed(seed)
-    drawn, used_thin = _draw(method, known, draws, thin, used_seed)
+    orientation = Orientation.of(known.orientation, known.orientation_angle)
+    drawn, used_thin = _draw(method, known, orientation, draws, thin, used_seed)
     if output is not None:
         with open_output(output) as stream:
             stream.writelines(f"{line}\n" for line in feature_lines(drawn))
-    orientation = Orientation.of(known.orientation, known.orientation_angle)
     comparison = compare(drawn, known.scale, orientation, known.free_space)
     if json:
-        made = {
-            "method": method,
-            "scale": known.scale,
-            "window": list(known.window),
-            "orientation": known.orientation,
-            "orientation_angle": known.orientation_angle,
-            "free_space": known.free_space,
-            "seed": used_seed,
-            "thin": used_thin,
-        }
+        made = {"method": method, **known.model_dump(), "seed": used_seed, "thin": used_thin}
         storage.emit_object("prf.prior/1", {**made, **comparison, "output": output})
         return
     say = say_beside(output)
@@ -90,14 +82,14 @@ def prior(
         say(line)
 
 
-def _draw(method: Method, known: Prior, n_draws: int, thin: int | None, seed: int) -> tuple[Draws, int | None]:
+def _draw(
+    method: Method, known: Prior, orientation: Orientation, n_draws: int, thin: int | None, seed: int
+) -> tuple[Draws, int | None]:
     """Return the draws, and the steps between two draws of the chain (None for exact draws)."""
-    from prf.model.orientation import Orientation
     from prf.model.window import Window
 
     assert known.window is not None
     scale, window = known.scale, Window(*known.window)
-    orientation = Orientation.of(known.orientation, known.orientation_angle)
     if method == "exact":
         from prf.model.arak import exact_draws
         from prf.shell.cli.storage import spawn_generators

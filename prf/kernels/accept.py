@@ -40,7 +40,8 @@ def needed_gain(chain: Chain, margin: float, tilt: float) -> float:
     `margin` is what is missing to the threshold after prior and proposal ratio, `tilt` what free space adds to the log
     prior. The target is h exp(E) with
     E = power (log likelihood - cost * (occupied sensors + blocked pieces of the way)), times
-    exp((t - 1) (log prior over lines + E)) at an inverse temperature t: power and cost are those of a level of parallel
+    exp((t - 1) (log prior over lines + E - cost of edges)) at an inverse temperature t:
+    power and cost are those of a level of parallel
     tempering, t that of annealing.
     """
     proposal, density = chain.proposal, chain.density

@@ -100,7 +100,7 @@ def unwrapped(angle: Floats) -> Floats:
 
 
 def wall_direction(step: Floats, owner: NDArray[np.int64], n_maps: int) -> Floats:
-    """Return the direction (n_maps,) in which most metres of each map's edges run, up to a right angle.
+    """Return the direction (n_maps,) in which most metres of each map's edges run, radians up to a right angle.
 
     It is the mode of the directions, by length, seen through a window of some three degrees: edges in all directions do
     not turn it. `step` (n, 2): from end to end of each edge, metres; `owner` (n,): its map.

@@ -30,6 +30,8 @@ FIRST_COST, N_COSTS = 0.3, 40
 """Nats that an edge costs in the first stage of simplifying; in the last it costs the budget."""
 LOOKS = 10
 """At the map in each stage, whether it is still within the budget."""
+SETTLING = 200
+"""Times that sampled directions are drawn before, until they are the best for the map that is there."""
 STEPS_PER_EDGE = 30
 """Between two looks: in a stage every vertex is asked some forty times whether it can go."""
 FROZEN = 1e12
@@ -85,7 +87,14 @@ def anneal(
     return _best_so_far(ensemble, share, beta)
 
 
-def simplified(found: Annealed, target: Target, budget: float, rng: np.random.Generator) -> Annealed:
+def simplified(
+    found: Annealed,
+    target: Target,
+    budget: float,
+    rng: np.random.Generator,
+    on_progress: Callable[[float, Annealed], None] = lambda *_: None,
+    stop_requested: Callable[[], bool] = lambda: False,
+) -> Annealed:
     """Return the best map with fewer vertices, its score at most `budget` nats below the best one found.
 
     Each edge costs something, more from stage to stage; at temperature 0 the chain gives up edges that explain less
@@ -94,11 +103,13 @@ def simplified(found: Annealed, target: Target, budget: float, rng: np.random.Ge
     plain = dataclasses.replace(target, seen=None).with_execution(resolution=None, tiles=0)
     chain = make_chain(plain, found.best)
     chain.density[c.INVERSE_TEMPERATURE] = FROZEN
-    for _ in range(LOOKS):
+    for _ in range(SETTLING):
         redraw_directions(chain, plain.orientation, rng)
     recompute_sums(chain)
     highest, simplest = line_score(chain), found
-    for cost in np.repeat(np.geomspace(FIRST_COST, max(FIRST_COST, budget), N_COSTS), LOOKS):
+    for look, cost in enumerate(np.repeat(np.geomspace(FIRST_COST, max(FIRST_COST, budget), N_COSTS), LOOKS)):
+        if stop_requested():
+            break
         chain.density[c.EDGE_COST] = cost
         step = int(chain.graph.counts[c.STEP])
         chain = run_chain(chain, rng, step + STEPS_PER_EDGE * int(chain.graph.counts[c.EDGES] + 1))
@@ -109,6 +120,7 @@ def simplified(found: Annealed, target: Target, budget: float, rng: np.random.Ge
             break
         best = read_coloring(chain.graph)
         simplest = found._replace(best=best, given_up=max(found.by_chain) - score)
+        on_progress((look + 1) / (N_COSTS * LOOKS), simplest)
     return simplest
 
 

@@ -50,7 +50,7 @@ def mcmc_draws(
             step = int(chain.graph.counts[c.STEP])
             chain = run_chain(chain, rng, min(until, step + TURN) if orientation.is_sampled else until)
             redraw_directions(chain, orientation, rng)
-            recompute_sums(chain)
+        recompute_sums(chain)
         colorings.append(read_coloring(chain.graph))
         until += spacing
     return Draws.from_colorings(colorings, window), spacing

@@ -73,6 +73,7 @@ def make_part(data: TileData, begun: Round, number: int) -> Part:
     is_drawn[np.flatnonzero(is_drawn)[is_met != 0]] = False
     grid = make_grid(*Window(*tile.tolist()), data.target.cell_size())
     coloring, vertices, edges = cut_out(begun.coloring, _passes(segments, tile), tile)
+    # A cost of black asks for colours, which moves know from that of the centre.
     coloring = coloring._replace(anchor_black=bool(black_at(begun.coloring, [0.5 * (tile[:2] + tile[2:])])[0]))
     drawn = is_drawn[edges]
     graph = bare_graph(coloring, max(FIRST_CAPACITY, 2 * (len(vertices) + c.MOST_CHANGES)))
