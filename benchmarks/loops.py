@@ -112,7 +112,7 @@ def log_likelihood_from_scratch(chain: Chain) -> float:
             distance = nearer
         elif edge == c.NONE:
             distance = math.inf
-        total += beam_log_likelihood(beams.model, beams.ray[beam, c.RANGE], distance)
+        total += beam_log_likelihood(beams.model, beams.weight[beam], beams.ray[beam, c.RANGE], distance)
     return total
 
 

@@ -124,7 +124,7 @@ def compared(chain: Chain, seed: int) -> tuple[list[float], float]:
 
 def sampled(log: Path, folder: Path, seconds: float, seed: int, threads: int) -> dict[str, Any]:
     """Sample until the stop rule is met, or for `seconds`; return how it ended."""
-    prepared = read_prepared(None, Configuration.of(), str(log))
+    prepared = read_prepared((), Configuration.of(), [str(log)])
     session = Session.start([str(log)], prepared, folder, seed, threads or os.cpu_count() or 1)
     session.open()
     with ThreadPoolExecutor(threads or os.cpu_count()) as pool:

@@ -157,7 +157,7 @@ def main() -> None:
     result: dict[str, Any] = {}
     if "shares" in options.parts:
         config = Configuration.of(skip_scans=HELD_OUT, chains=1, **commands.LASER)
-        target = read_prepared(str(log), config).target
+        target = read_prepared([str(log)], config).target
         result["shares"] = shares(target, 1 if options.quick else ROUNDS, options.seed)
     if "speed" in options.parts:
         result["speed"] = speed(log, folder, steps, options.seed)

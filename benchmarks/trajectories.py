@@ -49,7 +49,7 @@ def matched(drive: Drive, case: Case) -> tuple[NDArray[np.int64], Floats, Floats
     """Return scans, their given poses, the poses at which they agree, and the seconds that it took to find these."""
     poses = None if drive.poses is None else str(drive.poses)
     config = Configuration.of(**case._asdict(), poses=poses, every_scan=drive.every_scan)
-    whole = read_configured(config, str(drive.log), None)[0]
+    whole = read_configured(config, [str(drive.log)])[0]
     assert whole is not None
     laser = thin(whole, **config.readings.selection()).within(default_max_range(whole))
     model = pose_model(laser, None, case.pose_noise, config.trajectory.step_noise)

@@ -113,8 +113,11 @@ class ReadingOptions(Table):
         flag="NAME",
         unset="map",
     )
-    poses: str | None = key(
-        None, "", "file of poses (TUM, KITTI, g2o, CSV, x y theta), for scans that have none or worse ones", flag="FILE"
+    poses: tuple[str, ...] = key(
+        (),
+        "",
+        "file of poses (TUM, KITTI, g2o, CSV, x y theta), for scans that have none or worse ones; several: one a log",
+        flag="FILE",
     )
     pose_mount: tuple[float, float, float] | None = key(
         None, "m, m, rad", "x, y, theta of the laser (of a sonar ring: of the robot) on what the poses are of"
@@ -131,6 +134,11 @@ class ReadingOptions(Table):
     every_beam: int = key(1, "", "beams 0, K, 2K and so on", flag="K", ge=1)
     scans: str | None = key(None, "", "only these scans, START:STOP:STEP", flag="START:STOP:STEP")
     skip_scans: str | None = key(None, "", "all scans but these, START:STOP:STEP", flag="START:STOP:STEP")
+
+    @field_validator("poses", mode="before")
+    @classmethod
+    def _is_list(cls, poses: Any) -> Any:
+        return () if poses is None else (poses,) if isinstance(poses, str) else tuple(poses)
 
     def selection(self) -> dict[str, Any]:
         """Return which scans and beams to take, as arguments of :func:`prf.readings.ground.thin`."""

@@ -53,7 +53,7 @@ def shorten(monkeypatch: pytest.MonkeyPatch, block: int, most_draws: int, second
 def sample(n_rounds: int, block: int, folder: Path, look: Callable[[Any], None]) -> None:
     """Sample the demo office in so many rounds; call `look` with the chains after each."""
     config = Configuration.of(chains=CHAINS, every_scan=10, every_beam=10, resolution=0.5, start="empty")
-    session = Session.start([LOG], read_prepared(LOG, config), folder, 1, 1)
+    session = Session.start([LOG], read_prepared([LOG], config), folder, 1, 1)
     session.open()
     for found in drive(session.ensemble, StopRule(steps=n_rounds * block)):
         session.progress = found
@@ -127,7 +127,7 @@ def test_memory_of_annealing_stays_flat_and_a_leak_is_seen(
 ) -> None:
     shorten(monkeypatch, 100, 8, math.inf)
     look = memory(leak)
-    target = read_prepared(LOG, Configuration.of(every_scan=10, every_beam=10)).target
+    target = read_prepared([LOG], Configuration.of(every_scan=10, every_beam=10)).target
     anneal(target, spawn_generators(1, CHAINS), StopRule(steps=300_000), on_progress=look)
     assert (growth(look.notes) > FLAT) == bool(leak)
 

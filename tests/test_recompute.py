@@ -362,7 +362,7 @@ def test_twins_agree_for_sensors_on_the_border_of_the_window(tmp_path: Path) -> 
     columns = np.column_stack([data.readings.origin, data.readings.angle, data.readings.range])
     table = tmp_path / "border.csv"
     np.savetxt(table, columns, delimiter=",", header="x,y,theta,range", comments="", fmt="%.17g")
-    prepared = read_prepared(str(table), Configuration.of(scale=0.3, window=(*ROOM,), max_range=6.0, resolution=0.5))
+    prepared = read_prepared([str(table)], Configuration.of(scale=0.3, window=(*ROOM,), max_range=6.0, resolution=0.5))
     chain = make_chain(prepared.target.with_execution(cell=1.0), Coloring.empty(ROOM))
     rng = np.random.default_rng(7)
     for step in range(20, 20_001, 20):

@@ -7,6 +7,7 @@ import os
 import signal
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from itertools import chain
 from pathlib import Path
 from types import MappingProxyType
 from typing import Literal, get_args
@@ -15,18 +16,22 @@ from prf import __version__
 from prf.api.science import (
     Given,
     Sensor,
+    Sources,
     by_kind,
     paths_of,
     prepared_for,
+    read_sources,
     requested_by,
     settled,
 )
 from prf.configuration import Configuration, Prior, Start, named_sources
-from prf.output.run import Run
-from prf.results import Progress
+from prf.output.run import Run, read_run
+from prf.results import Progress, names
 from prf.results.convergence import verdict
 from prf.results.write import is_unfinished
-from prf.sampler.prepare import with_poses
+from prf.sampler.checkpoint import stored_config
+from prf.sampler.extend import extended_configuration, prepare_extension
+from prf.sampler.prepare import Prepared, with_poses
 from prf.sampler.session import Session, StopRule, drive
 from prf.shell.cli.console import ProgressCallback, reported
 from prf.shell.cli.outputs import exclusive, refuse_existing
@@ -56,6 +61,8 @@ def sample(
     seed: int | None = None,
     output: str | os.PathLike[str] | None = None,
     force: bool = False,
+    extend: str | os.PathLike[str] | Run | None = None,
+    forget: bool = False,
     config: str | os.PathLike[str] | Configuration | Loaded[Configuration] | None = None,
     beam_density: float | None = None,
     driven_radius: float | None = None,
@@ -82,7 +89,8 @@ def sample(
     ----------
     readings : Readings, PointTable, path, a sequence of these, or a mapping
         What :func:`prf.laser`, :func:`prf.sonar`, :func:`prf.points` or :func:`prf.read_readings` made, several kinds
-        together as a list; or a log of a laser; or a mapping of "laser", "sonar" and "points" to such.
+        together as a list, and several logs of a kind that are in one frame; or a log of a laser; or a mapping of
+        "laser", "sonar" and "points" to such.
     prior : Prior, optional
     sensors : LaserModel, SonarModel, PointModel, or a sequence of these
         Parameters of the sensors; defaults for those that are not given.
@@ -99,6 +107,11 @@ def sample(
         all stays in memory.
     force : bool
         Replace an existing run.
+    extend : path or Run, optional
+        Go on from the chains of this run with these readings beside its own (docs/sessions.md). Prior, sensors and
+        frame are its own.
+    forget : bool
+        Let readings of that run go where its draws agree; what remains of them stands for them.
     config : path, Configuration, or Configuration with its sources, optional
         A settings file (docs/configuration.md); what is given here wins.
     beam_density : float, optional
@@ -159,19 +172,11 @@ def sample(
     folder = None if output is None else Path(output)
     with _held(folder, force):
         used_seed = resolve_seed(seed)
-        prepared = prepared_for(sources, loaded.settings)
+        prepared, set_by = _prepared(sources, loaded, extend, forget)
         prepared.announce()
-        files = with_poses(paths_of(sources), loaded.settings)
-        session = Session.start(files, prepared, folder, used_seed, _threads(threads), named_sources(loaded))
-        # A scheduler that does not answer must be known before files of an earlier run are removed.
-        with (
-            open_pool(_threads(threads), scheduler, "prf", _version) as workers,
-            _supervised(session, progress, watch, on_interrupt) as (stop_requested, after_round),
-        ):
-            for found in drive(session.ensemble, rule, workers, stop_requested, session.seconds_to_finish):
-                if after_round(found):
-                    break
-            return session.finish()
+        files = with_poses(paths_of(chain.from_iterable(sources.values())), loaded.settings)
+        session = Session.start(files, prepared, folder, used_seed, _threads(threads), set_by)
+        return _driven(session, rule, scheduler, (progress, watch, on_interrupt))
 
 
 def resume(
@@ -185,7 +190,7 @@ def resume(
     watch: Watch | None = None,
     on_interrupt: OnInterrupt = "return",
     requested: Loaded[Configuration] = NOTHING_REQUESTED,
-    logs: Mapping[str, str] = MappingProxyType({}),
+    logs: Mapping[str, Sequence[str]] = MappingProxyType({}),
     seed: int | None = None,
 ) -> Run:
     """Go on with a run from its checkpoint; the draws are those of a run that was never stopped.
@@ -199,7 +204,7 @@ def resume(
     seconds, threads, scheduler, progress, watch, on_interrupt
         As :func:`sample`.
     requested, logs, seed
-        What the run must have been made with, if anything: values, option to log, seed.
+        What the run must have been made with, if anything: values, option to logs, seed.
 
     Raises
     ------
@@ -210,14 +215,39 @@ def resume(
     with exclusive(run):
         session = Session.resume(Path(run), dict(logs), requested, seed, _threads(threads))
         logger.info(f"resuming at step {session.ensemble.step}")
-        with (
-            open_pool(_threads(threads), scheduler, "prf", _version) as workers,
-            _supervised(session, progress, watch, on_interrupt) as (stop_requested, after_round),
-        ):
-            for found in drive(session.ensemble, rule, workers, stop_requested, session.seconds_to_finish):
-                if after_round(found):
-                    break
-            return session.finish()
+        return _driven(session, rule, scheduler, (progress, watch, on_interrupt))
+
+
+def _prepared(
+    sources: Sources, requested: Loaded[Configuration], extend: str | os.PathLike[str] | Run | None, forget: bool
+) -> tuple[Prepared, dict[str, str]]:
+    """Return the readings made ready, beside those of a run to extend, and what has set the settings, by name."""
+    if extend is None:
+        if forget:
+            raise ArgumentError("forget: readings are let go of a run that is gone on from. Give extend too.")
+        return prepared_for(sources, requested.settings), named_sources(requested)
+    run = extend if isinstance(extend, Run) else read_run(extend, parts=(names.READINGS, names.POSTERIOR, names.POSES))
+    config = extended_configuration(run, stored_config(run, run.name)[0], requested)
+    set_by = {**run.manifest.get("sources", {}), **named_sources(requested)}
+    return prepare_extension(run, config, *read_sources(sources, config), forget=forget), set_by
+
+
+def _driven(
+    session: Session,
+    rule: StopRule,
+    scheduler: str | None,
+    watched: tuple[bool | ProgressCallback, Watch | None, OnInterrupt],
+) -> Run:
+    """Drive a run to its goal and return it."""
+    # A scheduler that does not answer must be known before files of an earlier run are removed.
+    with (
+        open_pool(session.threads, scheduler, "prf", _version) as workers,
+        _supervised(session, *watched) as (stop_requested, after_round),
+    ):
+        for found in drive(session.ensemble, rule, workers, stop_requested, session.seconds_to_finish):
+            if after_round(found):
+                break
+        return session.finish()
 
 
 @contextmanager

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, Literal
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from prf.configuration import IN_MANIFEST, Configuration, Prior, ReadingOptions
 from prf.model.sensors import CONE, LaserModel, PointModel, SonarModel
-from prf.readings import Kind, PointTable, Readings, read_point_data
+from prf.readings import Kind, PointTable, Readings, join_logs, read_point_data
 from prf.readings import read_readings as read_log
 from prf.sampler.prepare import Prepared, given_poses, prepare_whole, read_configured
 from prf.shell.cli.settings import Loaded, load
@@ -21,9 +21,11 @@ Sensor = LaserModel | SonarModel | PointModel
 Path = str | os.PathLike[str]
 Source = Readings | PointTable | Path
 """Readings of one kind, or a log of them."""
+Sources = Mapping["ReadingKind", Sequence[Source]]
+"""Those of each kind, several in one frame."""
 ReadingKind = Literal["laser", "sonar", "points"]
 KINDS: tuple[ReadingKind, ...] = ("laser", "sonar", "points")
-Given = Source | Sequence[Source] | Mapping[ReadingKind, Source]
+Given = Source | Sequence[Source] | Mapping[ReadingKind, Source | Sequence[Source]]
 
 TABLES: Mapping[type, ReadingKind] = MappingProxyType({LaserModel: "laser", SonarModel: "sonar", PointModel: "points"})
 """Kind of a sensor's readings, which is the name of its table too."""
@@ -59,7 +61,8 @@ def read_readings(
     ConfigError
         If `topic` or `frame` is needed and missing, or is not in the log.
     """
-    trajectory = given_poses(ReadingOptions(poses=None if poses is None else os.fspath(poses)))
+    files = () if poses is None else (os.fspath(poses),)
+    trajectory = next(iter(given_poses(ReadingOptions(poses=files))), None)
     return read_log(os.fspath(path), kind, topic=topic, frame=frame, cone=cone, poses=trajectory)
 
 
@@ -93,27 +96,31 @@ def settled(
     return Loaded(found, kept)
 
 
-def by_kind(given: Given, sensors: Sensor | Sequence[Sensor] = ()) -> dict[ReadingKind, Source]:
-    """Return the source of each kind of readings, the laser first.
+def by_kind(given: Given, sensors: Sensor | Sequence[Sensor] = ()) -> dict[ReadingKind, list[Source]]:
+    """Return the sources of each kind of readings, the laser first.
 
     Parameters
     ----------
-    given : Source, sequence of Source, or mapping of kind to Source
-        Without a kind readings with a cone are sonar's, tables of points are points', a path is a laser's log.
+    given : Source, sequence of Source, or mapping of kind to one or several
+        Several of a kind are in one frame. Without a kind readings with a cone are sonar's, tables of points are
+        points', a path is a laser's log.
     sensors : Sensor or sequence of Sensor
         Models of sensors that must have readings.
 
     Raises
     ------
     ArgumentError
-        If a kind is unknown or doubled, or has a model but no readings.
+        If a kind is unknown, or has a model but no readings, or points are given twice.
     """
-    pairs = list(given.items()) if isinstance(given, Mapping) else [(_kind(each), each) for each in _listed(given)]
-    found: dict[ReadingKind, Source] = {}
+    if isinstance(given, Mapping):
+        pairs = [(kind, each) for kind, sources in given.items() for each in _listed(sources)]
+    else:
+        pairs = [(_kind(each), each) for each in _listed(given)]
+    found: dict[ReadingKind, list[Source]] = {}
     for kind, source in pairs:
-        if kind in found:
-            raise ArgumentError(f"readings: {kind} is given twice. Join them to one.")
-        found[kind] = _checked_source(kind, source)
+        if kind == "points" and kind in found:
+            raise ArgumentError("readings: points are given twice. Join them to one table.")
+        found.setdefault(kind, []).append(_checked_source(kind, source))
     for sensor in _listed(sensors):
         kind = TABLES.get(type(sensor), "laser")
         if kind not in found:
@@ -123,12 +130,12 @@ def by_kind(given: Given, sensors: Sensor | Sequence[Sensor] = ()) -> dict[Readi
     return {kind: found[kind] for kind in KINDS if kind in found}
 
 
-def paths_of(sources: Mapping[ReadingKind, Source]) -> list[str]:
-    """Return the logs among the sources."""
-    return [os.fspath(source) for source in sources.values() if isinstance(source, str | os.PathLike)]
+def paths_of(sources: Iterable[Source]) -> list[str]:
+    """Return the logs among sources."""
+    return [os.fspath(source) for source in sources if isinstance(source, str | os.PathLike)]
 
 
-def prepared_for(sources: Mapping[ReadingKind, Source], config: Configuration) -> Prepared:
+def prepared_for(sources: Sources, config: Configuration) -> Prepared:
     """Read what is a log, thin all, and resolve the configuration for it.
 
     Raises
@@ -136,12 +143,22 @@ def prepared_for(sources: Mapping[ReadingKind, Source], config: Configuration) -
     InputError, ConfigError
         As :func:`prf.sampler.prepare.prepare`.
     """
-    log = {kind: os.fspath(each) for kind, each in sources.items() if isinstance(each, str | os.PathLike)}
-    laser, sonar = read_configured(config, log.get("laser"), log.get("sonar"))
-    held = {kind: each for kind, each in sources.items() if isinstance(each, Readings)}
-    table = sources.get("points")
-    observed = table if isinstance(table, PointTable) else read_point_data(log["points"]) if "points" in log else None
-    return prepare_whole(config, held.get("laser", laser), held.get("sonar", sonar), observed)
+    laser, sonar, observed = read_sources(sources, config)
+    return prepare_whole(config, laser, sonar, observed)
+
+
+def read_sources(sources: Sources, config: Configuration) -> tuple[Readings | None, Readings | None, PointTable | None]:
+    """Read what is a log, and join what is of one kind; readings that are no log come last."""
+    kinds: tuple[ReadingKind, ReadingKind] = ("laser", "sonar")
+    logs = [paths_of(sources.get(kind, ())) for kind in kinds]
+    found = []
+    for kind, own in zip(kinds, read_configured(config, *logs), strict=True):
+        held = [each for each in sources.get(kind, ()) if isinstance(each, Readings)]
+        parts = [*([] if own is None else [own]), *held]
+        found.append(join_logs(parts) if parts else None)
+    table = next(iter(sources.get("points", ())), None)
+    observed = table if isinstance(table, PointTable) or table is None else read_point_data(*paths_of([table]))
+    return found[0], found[1], observed
 
 
 def _kind(source: Source) -> ReadingKind:

@@ -9,10 +9,14 @@ import typer
 from prf.shell.cli.options import parse_duration
 
 Laser = Annotated[
-    str | None, typer.Option("--laser", metavar="LOG", help="Localized laser readings; - is standard input.")
+    list[str] | None,
+    typer.Option(
+        "--laser", metavar="LOG", help="Localized laser readings; - is standard input; several: in one frame."
+    ),
 ]
 Sonar = Annotated[
-    str | None, typer.Option("--sonar", metavar="LOG", help="Localized sonar readings, alone or with a laser's.")
+    list[str] | None,
+    typer.Option("--sonar", metavar="LOG", help="Localized sonar readings, alone or with a laser's; also several."),
 ]
 PointData = Annotated[
     str | None,

@@ -13,6 +13,8 @@ from prf.shell.cli.options import Force, Json, Output, Seed, Threads, with_setti
 from prf.shell.cli.settings import Loaded
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from prf.sampler.anneal import Annealed
     from prf.sampler.session import StopRule
 
@@ -69,7 +71,7 @@ def anneal(
     from prf.shell.cli.storage import resolve_seed
     from prf.shell.errors import UsageError
 
-    logs = [log for log in (laser, sonar, point_data) if log is not None]
+    logs = [*(laser or ()), *(sonar or ()), *filter(None, (point_data,))]
     if not logs:
         raise UsageError("Nothing to map: give --laser LOG, --sonar LOG or --point-data FILE.csv.")
     if steps is not None and time_budget is not None:
@@ -80,7 +82,7 @@ def anneal(
     claim_output(target, force, inputs=[*logs, settings.file], suffixes=(".geojson",), json=json)
     used_seed = resolve_seed(seed)
     rule = StopRule(None if time_budget is not None else steps or DEFAULT_STEPS, time_budget)
-    inputs = (laser, sonar, point_data)
+    inputs = (laser or (), sonar or (), point_data)
     found, made, stop = _cool(inputs, config, rule, used_seed, threads, simplify)
     text = _write(target, found, {**made, "sources": named_sources(settings)}, logs)
     _report(found, text, target, made, json)
@@ -88,7 +90,7 @@ def anneal(
 
 
 def _cool(
-    inputs: tuple[str | None, str | None, str | None],
+    inputs: tuple[Sequence[str], Sequence[str], str | None],
     config: Configuration,
     rule: StopRule,
     seed: int,

@@ -41,19 +41,19 @@ def calibrate(
     -o writes them as a settings file for --config. Without -o they are printed only.
     """
     from prf.calibrate import calibrate_laser, calibrate_sonar, fitted_text, read_known_map
-    from prf.sampler.prepare import read_configured
+    from prf.sampler.prepare import read_configured, with_poses
     from prf.shell.cli.files import open_output
     from prf.shell.cli.outputs import claim_output
     from prf.shell.errors import UsageError
 
-    if sonar is None and laser is None:
+    if not sonar and not laser:
         raise UsageError("Nothing to calibrate by: give --sonar LOG, --laser LOG, or both.")
     config = settings.settings
-    poses = config.readings.poses
+    logs = [*(sonar or ()), *(laser or ())]
     if output is not None:
-        claim_output(output, force, inputs=[known, sonar, laser, poses], suffixes=(".toml",), json=json)
+        claim_output(output, force, inputs=with_poses([known, *logs], config), suffixes=(".toml",), json=json)
     area = read_known_map(known)
-    beams, cones = read_configured(config, laser, sonar)
+    beams, cones = read_configured(config, laser or (), sonar or ())
     found = []
     if cones is not None:
         found.append(calibrate_sonar(cones, area, config))

@@ -47,7 +47,7 @@ def grid(
     from prf.shell.cli.storage import describe_process
     from prf.shell.errors import UsageError
 
-    logs = [log for log in (laser, sonar) if log is not None]
+    logs = [*(laser or ()), *(sonar or ())]
     if not logs:
         raise UsageError("Nothing to map: give --laser LOG, --sonar LOG, or both.")
     config = settings.settings
@@ -56,7 +56,7 @@ def grid(
     target = output or str(default_output(logs[0]).with_suffix(".grid.npz"))
     inputs = with_poses(logs, config)
     claim_output(target, force, inputs=[*inputs, settings.file], suffixes=(".npz",))
-    readings = read_configured(config, laser, sonar)
+    readings = read_configured(config, laser or (), sonar or ())
     process = {**describe_process(inputs), "sources": named_sources(settings)}
     made, n_beams, n_outside = build_grid(*readings, config, process)
     write_grid(target, made)

@@ -56,15 +56,19 @@ def info(
     from prf.readings import describe, read_readings
     from prf.sampler.prepare import given_poses
     from prf.shell.cli import console, storage
+    from prf.shell.errors import UsageError
 
     if point_data:
         _tell_points(log, json)
         return
+    if len(settings.settings.readings.poses) > 1:
+        raise UsageError("--poses: one log has the poses of one file. Give one.")
 
     kind: Kind | None = "sonar" if sonar else None
     chosen = settings.settings.readings
+    poses = next(iter(given_poses(chosen)), None)
     readings = read_readings(
-        log, kind, topic=chosen.topic, frame=chosen.frame, poses=given_poses(chosen), beam_angles=chosen.beam_angles
+        log, kind, topic=chosen.topic, frame=chosen.frame, poses=poses, beam_angles=chosen.beam_angles
     )
     summary = _with_pose_error(describe(readings, log), readings)
     if json:

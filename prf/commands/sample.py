@@ -12,7 +12,7 @@ from prf.shell.cli.options import Force, Json, Output, Seed, Threads, with_setti
 from prf.shell.cli.settings import Loaded
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
     from pathlib import Path
 
     from prf.api.science import ReadingKind, Source
@@ -22,10 +22,16 @@ EXAMPLES = (
     "prf sample --laser data/demo-office.log.gz -o office --time-budget 30",
     "prf sample --laser drive.bag --topic /scan --preset hokuyo-utm-30lx --sonar ring.csv --config site.toml",
     "prf sample --point-data bitmap.csv --scale 0.05 --config flips.toml --seed 1",
-    "prf sample --resume office --steps 5000000",
+    "prf sample --extend office --laser evening.log.gz -o office-2 --forget",
 )
 
 Resume = Annotated[str | None, typer.Option("--resume", metavar="RUN", help="Continue this run from its checkpoint.")]
+Extend = Annotated[
+    str | None, typer.Option("--extend", metavar="RUN", help="Go on from this run's chains with more readings.")
+]
+Forget = Annotated[
+    bool, typer.Option("--forget", help="Let readings of that run go where its draws agree; what remains stands in.")
+]
 Scheduler = Annotated[
     str | None,
     typer.Option(
@@ -50,6 +56,8 @@ def sample(
     steps: o.Steps = None,
     time_budget: o.TimeBudget = None,
     resume: Resume = None,
+    extend: Extend = None,
+    forget: Forget = False,
     seed: Seed = None,
     threads: Threads = 0,
     scheduler: Scheduler = None,
@@ -60,7 +68,8 @@ def sample(
 
     Without --steps and --time-budget it stops when the chains agree (R-hat < 1.05 and ESS > 100 for every functional of
     what was seen, R-hat < 1.2 for the rest), or after 30 minutes, saying that they do not. Ctrl-C keeps what was
-    sampled; --resume continues from there, and gives the same draws as a run that was never stopped.
+    sampled; --resume continues from there, and gives the same draws as a run that was never stopped. --extend goes on
+    with more readings, in a run of its own whose law is that of one on all of them.
     """
     from prf.api.sampling import resume as continue_run
     from prf.api.sampling import sample as draw
@@ -68,20 +77,39 @@ def sample(
 
     if steps is not None and time_budget is not None:
         raise UsageError("--steps and --time-budget: give one of them.")
-    given = (("--laser", laser), ("--sonar", sonar), ("--point-data", point_data))
-    logs = {flag: log for flag, log in given if log is not None}
+    given = (("--laser", laser), ("--sonar", sonar), ("--point-data", None if point_data is None else [point_data]))
+    logs = {flag: own for flag, own in given if own}
     folder = _folder(logs, output, resume)
     how: dict[str, Any] = {"steps": steps, "seconds": time_budget, "threads": threads, "scheduler": scheduler}
     how |= {"seed": seed, "on_interrupt": "raise"}
+    _check_extension(extend, forget, resume, folder)
     if resume is not None:
         run = continue_run(folder, requested=settings, logs=logs, **how)
     else:
-        sources: dict[ReadingKind, Source] = {name: logs[flag] for name, flag in SOURCES.items() if flag in logs}
-        run = draw(sources, config=settings, output=folder, force=force, **how)
+        sources: dict[ReadingKind, Sequence[Source]] = {
+            name: logs[flag] for name, flag in SOURCES.items() if flag in logs
+        }
+        run = draw(sources, config=settings, output=folder, force=force, extend=extend, forget=forget, **how)
     _report(run, folder, json, steps if resume is None else None)
 
 
-def _folder(logs: dict[str, str], output: str | None, resume: str | None) -> Path:
+def _check_extension(extend: str | None, forget: bool, resume: str | None, folder: Path) -> None:
+    """Refuse options that do not go with --extend, or without it."""
+    from pathlib import Path
+
+    from prf.shell.errors import UsageError
+
+    if forget and extend is None:
+        raise UsageError("--forget: readings are let go of a run that is gone on from. Give --extend RUN.")
+    if extend is None:
+        return
+    if resume is not None:
+        raise UsageError("--extend and --resume: give one of them; an extended run is resumed by --resume alone.")
+    if folder.resolve() == Path(extend).resolve():
+        raise UsageError(f"-o {folder}: is the run to extend. Name another one.")
+
+
+def _folder(logs: dict[str, list[str]], output: str | None, resume: str | None) -> Path:
     """Return the RUN directory."""
     from pathlib import Path
 
@@ -100,7 +128,7 @@ def _folder(logs: dict[str, str], output: str | None, resume: str | None) -> Pat
         raise UsageError("Nothing to sample: give --laser LOG, --sonar LOG or --point-data FILE.csv, or --resume RUN.")
     if output == STREAM:
         raise UsageError("-o -: a run is a directory. Name one.")
-    return Path(output) if output is not None else default_output(next(iter(logs.values())))
+    return Path(output) if output is not None else default_output(next(iter(logs.values()))[0])
 
 
 def _report(run: Run, folder: Path, json: bool, asked_steps: int | None) -> None:
@@ -130,6 +158,9 @@ def _report(run: Run, folder: Path, json: bool, asked_steps: int | None) -> None
         result["trajectory"] = found.figures() | {"slips": found.slip_rows(), "disputed": found.closure_rows()}
     if run.building is not None:
         result["building"] = run.building
+    result["disputes"] = [each._asdict() for each in run.disputes()]
+    if "forgotten" in run.manifest:
+        result["forgotten"] = run.manifest["forgotten"]
     if json:
         storage.emit_object("prf.sample/1", result)
         return
@@ -165,6 +196,8 @@ def _summary(run: Run, folder: Path, asked_steps: int | None) -> Iterator[str]:
         yield f"Trajectory: {run.trajectory.words()}; {folder}/trajectory.csv"
     if run.building is not None:
         yield _building(run.building)
+    for dispute in run.disputes():
+        yield f"Dispute: {dispute.words()}."
     yield f"picture   {folder}/posterior.png"
     if run.best:
         yield f"best map  {folder}/map.geojson"

@@ -53,11 +53,11 @@ def score(
     ],
     *,
     laser: Annotated[
-        str | None,
+        list[str] | None,
         typer.Option("--laser", metavar="HELDOUT", help="Laser readings that the map was not made from."),
     ] = None,
     sonar: Annotated[
-        str | None, typer.Option("--sonar", metavar="HELDOUT", help="Sonar readings, alone or with a laser's.")
+        list[str] | None, typer.Option("--sonar", metavar="HELDOUT", help="Sonar readings, alone or with a laser's.")
     ] = None,
     truth: Annotated[
         str | None,
@@ -91,28 +91,29 @@ def score(
     from prf.shell.cli.storage import resolve_seed
     from prf.shell.errors import UsageError
 
-    if laser is None and sonar is None and truth is None:
+    lasers, sonars = laser or [], sonar or []
+    if not lasers and not sonars and truth is None:
         raise UsageError("Nothing to score by: give --laser HELDOUT, --sonar HELDOUT or --truth PLAN.geojson.")
     configuration = settings.settings
-    _check_poses(configuration.trajectory, laser, sonar)
+    _check_poses(configuration.trajectory, lasers, sonars)
     found = open_map(scored)
-    if laser is not None and configuration.readings.poses is None and (own := poses_of_run(scored, laser)):
-        logger.info(f"{laser}: poses of {own['poses']}, as {scored} was sampled with")
+    if lasers and not configuration.readings.poses and (own := poses_of_run(scored, lasers)):
+        logger.info(f"{' and '.join(lasers)}: poses of {' and '.join(own['poses'])}, as {scored} was sampled with")
         configuration = configuration.replace(**own)
-    readings = read_configured(configuration, laser, sonar)
+    readings = read_configured(configuration, lasers, sonars)
     beams = None if readings[0] is None else hold_out(readings[0], configuration)
     cones = None if readings[1] is None else hold_out_sonar(readings[1], configuration)
     cells = None if truth is None else true_cells(read_occupied_area(truth), beams, cones)
-    result = score_map(found, beams, None if laser is None else resolve_seed(seed), cones, cells, square)
+    result = score_map(found, beams, resolve_seed(seed) if lasers else None, cones, cells, square)
     _warn(scored, result)
     _report(result, json)
 
 
-def _check_poses(options: PoseOptions, laser: str | None, sonar: str | None) -> None:
+def _check_poses(options: PoseOptions, lasers: list[str], sonars: list[str]) -> None:
     """Refuse poses that are uncertain in a way that cannot be scored."""
     from prf.shell.errors import UsageError
 
-    if options.pose_noise is not None and (laser is None or sonar is not None):
+    if options.pose_noise is not None and (not lasers or sonars):
         raise UsageError("--pose-noise: only a laser's poses are integrated out. Give --laser, and no --sonar.")
     if options.step_noise is not None:
         raise UsageError(

@@ -177,5 +177,5 @@ MISS = 5
 LOG_OUTLIER = 6  # log density of a return without an obstacle in reach
 LOG_MISS = 7  # log probability of no return without an obstacle in reach
 VANISHING = 8  # square of the deviation, in standard deviations, past which only outliers count, to the last bit
-WEIGHT = 9  # independent readings that a beam counts as
+WEIGHT = 9  # independent readings that a beam counts as, which stands for no others
 N_LASER_MODEL = 10

@@ -107,8 +107,8 @@ def laser_array(model: LaserModel) -> Floats:
     return array
 
 
-def best_log_likelihood(model: LaserModel, readings: Floats) -> Floats:
-    """Return a bound (n,) that what each reading adds to the log likelihood exceeds at no distance.
+def best_log_density(model: LaserModel, readings: Floats) -> Floats:
+    """Return a bound (n,) that the log density of each reading exceeds at no distance.
 
     Readings are those of :func:`make_rays`: metres; inf for no return, -m for one that is censored at m.
 
@@ -125,7 +125,7 @@ def best_log_likelihood(model: LaserModel, readings: Floats) -> Floats:
     censored_at = np.where(readings < 0.0, -readings, model.limit)
     outliers = model.outlier_probability * (1.0 - censored_at / model.limit)
     missed = np.log(model.miss_probability + model.hit_probability + outliers)
-    return np.asarray(model.weight * (np.where(has_return, hit, missed) + 1e-9))
+    return np.asarray(np.where(has_return, hit, missed) + 1e-9)
 
 
 def beam_influence(model: LaserModel, readings: Floats) -> Floats:
@@ -141,27 +141,30 @@ def beam_influence(model: LaserModel, readings: Floats) -> Floats:
     return np.asarray((1.0 + INFLUENCE_MARGIN) * far, np.float64)
 
 
-def aims_of(model: LaserModel, readings: Floats) -> tuple[Floats, Floats]:
+def aims_of(model: LaserModel, readings: Floats, weight: Floats) -> tuple[Floats, Floats]:
     """Return the distances (n,) between which an obstacle can explain a reading better than none before its own.
 
-    Outside of them a beam that is cut gains less than ``FADED`` of the kernels; one without return,
-    or that is censored (readings as of :func:`make_rays`), nowhere.
+    Outside of them a beam that is cut, and counts as so many (n,), gains less than ``FADED`` of the kernels; one
+    without return, or that is censored (readings as of :func:`make_rays`), nowhere.
     """
     if model.is_wide:
         return np.full(len(readings), -np.inf), np.full(len(readings), np.inf)
     readings = np.where(readings < 0.0, np.inf, readings)
-    z = model.deviation_where_hits_are(FADED)
+    z = np.sqrt(2.0 * np.maximum(0.0, model.log_peak - np.log(FADED / np.maximum(weight, 1.0))))
     shrunk = 1.0 - z * model.noise_relative
-    beyond = readings / shrunk if shrunk > 0.0 else np.full(len(readings), np.inf)
+    beyond = np.where(shrunk > 0.0, readings / np.where(shrunk > 0.0, shrunk, 1.0), np.inf)
     near = np.minimum(readings - z * model.noise, readings / (1.0 + z * model.noise_relative))
     far = np.maximum(readings + z * model.noise, beyond)
     return near, far
 
 
-def make_beams(grid: Grid, model: LaserModel, ray: Floats, edge_capacity: int, n_levels: int | None = None) -> Beams:
+def make_beams(
+    grid: Grid, model: LaserModel, ray: Floats, weight: Floats, edge_capacity: int, n_levels: int | None = None
+) -> Beams:
     """Lay out beams and the index of their cells, with room for the longest possible lists.
 
-    `ray` (n, N_RAY). `n_levels`: stages of a decision; None: by the number of beams.
+    `ray` (n, N_RAY). `weight` (n,): readings that each stands for, itself among them. `n_levels`: stages of a decision;
+    None: by the number of beams.
     """
     n = len(ray)
     n_cells = grid.nx * grid.ny
@@ -170,7 +173,8 @@ def make_beams(grid: Grid, model: LaserModel, ray: Floats, edge_capacity: int, n
     slot_start, slot_cell, slot_exit, cell_start = _make_slots(grid, ray, level, n_levels)
     n_slots = len(slot_cell)
     aim = np.zeros((n, 2), np.int32)
-    near, far = aims_of(model, ray[:, c.RANGE])
+    weight = model.weight * weight
+    near, far = aims_of(model, ray[:, c.RANGE], weight)
     find_aims(near - MARGIN, far + MARGIN, slot_start, slot_exit, aim)
     return Beams(
         model=laser_array(model),
@@ -189,7 +193,8 @@ def make_beams(grid: Grid, model: LaserModel, ray: Floats, edge_capacity: int, n
         cell_start=cell_start,
         cell_count=np.zeros(n_levels * n_cells, np.int32),
         entries=np.zeros((n_slots, 2), np.int32),
-        best=best_log_likelihood(model, ray[:, c.RANGE]),
+        weight=weight,
+        best=weight * best_log_density(model, ray[:, c.RANGE]),
         aim=aim,
         edge_shortfall=np.zeros((edge_capacity, n_levels)),
         cell_shortfall=np.zeros(n_levels * n_cells),

@@ -91,8 +91,13 @@ class LaserModel(Table):
 
     def deviation_where_hits_are(self, share: float) -> float:
         """Return the standard deviations past which the Gaussian is below `share` of the uniform density."""
+        return math.sqrt(2.0 * max(0.0, self.log_peak - math.log(share)))
+
+    @property
+    def log_peak(self) -> float:
+        """Log of the highest ratio of the Gaussian to the uniform density."""
         highest = 2.0 * self.hit_probability / (self.noise * math.sqrt(2.0 * math.pi))
-        return math.sqrt(2.0 * max(0.0, math.log(highest / (share * self.outlier_probability / self.limit))))
+        return math.log(highest / (self.outlier_probability / self.limit))
 
     @property
     def is_wide(self) -> bool:

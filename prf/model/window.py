@@ -53,6 +53,13 @@ class Window(NamedTuple):
         x_min, y_min, x_max, y_max = box
         return cls(float(x_min - margin), float(y_min - margin), float(x_max + margin), float(y_max + margin))
 
+    def joined(self, other: Window | None) -> Window:
+        """Return the least window that holds this one and another, if there is one."""
+        if other is None:
+            return self
+        low, high = np.minimum(self[:2], other[:2]), np.maximum(self[2:], other[2:])
+        return Window(*low.tolist(), *high.tolist())
+
     @property
     def width(self) -> float:
         """Extent in x."""

@@ -20,6 +20,7 @@ from prf.output.report import write_report
 from prf.readings.arrays import as_paths, checked
 from prf.readings.way import lies_on_way
 from prf.results import PosteriorImage, RunData, names
+from prf.results.disputes import Dispute, disputes
 from prf.results.estimate import (
     Estimates,
     Obstruction,
@@ -193,6 +194,15 @@ class Run(RunData):
         ends = [part.impacts() for part in (placed.laser, placed.sonar) if part is not None]
         n_returns = sum(int(shapely.dwithin(shapely.points(end), line, radius).sum()) for end in ends)
         return Obstruction(piece, p_free, n_returns, lies_on_way(self.way, piece))
+
+    def disputes(self) -> list[Dispute]:
+        """Return where logs contradict each other, the most readings first; nothing with one log (docs/sessions.md).
+
+        Returns
+        -------
+        list of :class:`prf.results.disputes.Dispute`
+        """
+        return disputes(self)
 
     @property
     def best_map(self) -> shapely.MultiPolygon:

@@ -22,6 +22,9 @@ from prf.shell.errors import InputError
 SAME_TIME = 0.1
 """Seconds between scans of two sensors up to which these share a state: errors change more slowly than poses."""
 
+ANOTHER_LOG = 1e10
+"""Seconds by which the clock of a log is put after that of the one before it; more than any of them counts."""
+
 STAND = np.array([1e-3, 1e-3, 1e-4])
 """Standard deviations (m, m, rad) that a step of the odometry has at least: of a robot that does not move."""
 
@@ -223,6 +226,7 @@ class _States(NamedTuple):
     pose: Floats  # (n, 3)
     odometry: Floats  # (n, 3) poses whose steps the odometry measured: `pose`, or those of a file
     of_reading: NDArray[np.int64]  # (n_readings,)
+    when: Floats  # (n,) `time` with each of several logs after those before it
 
 
 def pose_model(
@@ -240,10 +244,10 @@ def pose_model(
     found = [_states(part) for part in kept]
     shared = _shared_states(found)
     _, first, state = np.unique(np.concatenate(shared), return_index=True, return_inverse=True)
-    scan, time, given, driven = (
-        np.concatenate([getattr(each, name) for each in found])[first] for name in _States._fields[:4]
+    scan, time, given, driven, when = (
+        np.concatenate([getattr(each, name) for each in found])[first] for name in (*_States._fields[:4], "when")
     )
-    order = _in_time(time, scan)
+    order = _in_time(when, scan)
     owners = np.split(np.argsort(order)[state], np.cumsum([len(own) for own in shared])[:-1])
     scan, time, given, driven = scan[order], time[order], given[order], driven[order]
     way = None if odometry is None else np.concatenate(_ways(kept, found))[first][order]
@@ -269,20 +273,21 @@ def _states(readings: Readings) -> _States:
         listed = table.pose[np.searchsorted(table.number, scan)]
         own = np.where(np.isfinite(listed).all(axis=1, keepdims=True), listed, own)
     driven = own if table.odometry is None else table.odometry[np.searchsorted(table.number, scan)]
-    return _States(scan, readings.time[first], own, driven, of_reading)
+    time = readings.time[first]
+    return _States(scan, time, own, driven, of_reading, time + ANOTHER_LOG * readings.log[first])
 
 
 def _shared_states(found: Sequence[_States]) -> list[NDArray[np.int64]]:
     """Return for the scans of each log a number of their state; scans of a second log share those of the first."""
     n = len(found[0].scan)
-    numbers, order = [np.arange(n)], np.argsort(found[0].time)
-    known = found[0].time[order]
+    numbers, order = [np.arange(n)], np.argsort(found[0].when)
+    known = found[0].when[order]
     for each in found[1:]:
-        after = np.clip(np.searchsorted(known, each.time), 1, n - 1) if n > 1 else np.zeros(len(each.time), np.int64)
+        after = np.clip(np.searchsorted(known, each.when), 1, n - 1) if n > 1 else np.zeros(len(each.when), np.int64)
         before = np.maximum(after - 1, 0)
-        is_before = np.abs(each.time - known[before]) <= np.abs(each.time - known[after])
+        is_before = np.abs(each.when - known[before]) <= np.abs(each.when - known[after])
         nearest = np.where(is_before, before, after)
-        near = np.abs(each.time - known[nearest]) <= SAME_TIME
+        near = np.abs(each.when - known[nearest]) <= SAME_TIME
         numbers.append(np.where(near, order[nearest], n + np.arange(len(each.scan))))
     return numbers
 

@@ -8,6 +8,7 @@ from prf.readings.open import log_stem, read_logs, read_readings
 from prf.readings.points import PointTable, describe_points, read_point_data
 from prf.readings.poses import GivenPoses, read_poses
 from prf.readings.readings import Kind, LogNotes, NoReadings, Readings, ScanTable
+from prf.readings.several import join_logs
 from prf.readings.table import write_table
 
 __all__ = [
@@ -21,6 +22,7 @@ __all__ = [
     "ScanTable",
     "describe",
     "describe_points",
+    "join_logs",
     "log_stem",
     "read_logs",
     "read_point_data",

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from prf.kernels.state.grid import make_grid
+from prf.model.layout import pixel_centres
 from prf.model.window import Window
 from prf.readings.ground import MAX_CELLS, count_beams
 from prf.readings.readings import Readings
@@ -36,6 +37,26 @@ class BeamCounts(NamedTuple):
     returns: NDArray[np.int32]
     origin: Floats
     cell: float
+
+    def joined(self, other: BeamCounts | None, window: Window) -> BeamCounts:
+        """Return the counts of these beams and others on the cells of a window; those of larger cells are more."""
+        grid = make_grid(*window, max(CELL, math.sqrt(window.area / MAX_CELLS)))
+        passes, returns = np.zeros((2, grid.ny, grid.nx), np.int32)
+        centres = pixel_centres(grid)
+        for each in (self, other):
+            if each is not None:
+                times = grid.cell / each.cell
+                passes += np.rint(times * each.at(each.passes, centres)).astype(np.int32).reshape(passes.shape)
+                returns += np.rint(times**2 * each.at(each.returns, centres)).astype(np.int32).reshape(passes.shape)
+        return BeamCounts(passes, np.minimum(returns, passes), np.array([grid.x0, grid.y0]), grid.cell)
+
+    def at(self, image: NDArray[np.int32], xy: Floats) -> NDArray[np.int32]:
+        """Return the values (n,) of one of the images in the cells of points (n, 2), 0 outside."""
+        column, row = np.floor((xy - self.origin) / self.cell).astype(np.int64).T
+        inside = (column >= 0) & (row >= 0) & (column < image.shape[1]) & (row < image.shape[0])
+        found = np.zeros(len(xy), np.int32)
+        found[inside] = image[row[inside], column[inside]]
+        return found
 
     def within(self, xy: Floats, side: float) -> tuple[Floats, Floats]:
         """Return how many beams end, and how many cross, in the square of this side round each point (n, 2): (n,) each.

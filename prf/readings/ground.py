@@ -258,8 +258,8 @@ def thin(
 ) -> Readings:
     """Return the readings that pass every one of the given conditions.
 
-    Scans and beams are selected by their numbers in the log, so selections such as ``skip_scans="9::10"`` and
-    ``scans="9::10"`` share no beam however they are combined with the other conditions.
+    Scans and beams are selected by their numbers in the log, or in each of several that were joined, so selections such
+    as ``skip_scans="9::10"`` and ``scans="9::10"`` share no beam however they are combined with the other conditions.
 
     `readings`: the whole log. `every_scan`: K keeps scans 0, K, 2 K ... `every_beam`: K keeps beams 0, K, 2 K ... of
     each scan. `scans`: ``START:STOP:STEP`` keeps scans START, START + STEP ... below STOP. As in Python, each part may
@@ -271,15 +271,18 @@ def thin(
     for flag, step in (("--every-scan", every_scan), ("--every-beam", every_beam)):
         if step < 1:
             raise ConfigError(f"{flag} {step}: must be at least 1.")
-    n_scans = _log_length(readings)
-    keep = _multiple(readings.scan, every_scan) & _multiple(readings.beam, every_beam)
-    if scans is not None:
-        keep &= _in_slice(readings.scan, scans, n_scans, "--scans")
-    if skip_scans is not None:
-        keep &= ~_in_slice(readings.scan, skip_scans, n_scans, "--skip-scans")
+    lengths = np.array(readings.lengths)
+    scan = readings.scan - (np.cumsum(lengths) - lengths)[readings.log]
+    keep = _multiple(scan, every_scan) & _multiple(readings.beam, every_beam)
+    for log, n_scans in enumerate(lengths.tolist()):
+        own = readings.log == log
+        if scans is not None:
+            keep &= ~own | _in_slice(scan, scans, n_scans, "--scans")
+        if skip_scans is not None:
+            keep &= ~own | ~_in_slice(scan, skip_scans, n_scans, "--skip-scans")
     if not keep.any():
         raise InputError(
-            f"{readings.source}: no reading is left of {readings.n_beams} in scans 0 to {n_scans - 1}. "
+            f"{readings.source}: no reading is left of {readings.n_beams} in scans 0 to {lengths.max() - 1}. "
             "Widen --scans, or lower --every-scan, --every-beam or --skip-scans."
         )
     return readings.where(keep)
@@ -309,9 +312,3 @@ def _multiple(number: IntArray | NDArray[np.int32], step: int) -> NDArray[np.boo
     """Return which numbers are multiples of `step`, a Python integer of any size."""
     multiple: NDArray[np.bool_] = number.astype(np.int64) % min(step, np.iinfo(np.int64).max) == 0
     return multiple
-
-
-def _log_length(readings: Readings) -> int:
-    """Return one more than the highest scan number of the log, scans that lost all their beams included."""
-    numbers = readings.notes.scans.number
-    return int(max(readings.scan.max(), numbers.max() if len(numbers) else 0)) + 1

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import logging
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import islice
 from pathlib import Path
 from tempfile import NamedTemporaryFile
@@ -18,6 +18,7 @@ from prf.readings.matrix import looks_like_matrix, read_matrix, size_of
 from prf.readings.player import read_player
 from prf.readings.poses import GivenPoses, placed
 from prf.readings.readings import Kind, OwnPoses, Readings
+from prf.readings.several import join_logs, warn_of_frames
 from prf.readings.table import REQUIRED, read_table
 from prf.readings.text import BYTE_ORDER_MARK, column_names, decompress
 from prf.shell.cli.files import STREAM, open_input
@@ -141,52 +142,78 @@ def _read(
 
 
 def read_logs(
-    laser: str | None,
-    sonar: str | None,
+    laser: Sequence[str],
+    sonar: Sequence[str],
     *,
     topic: str | None = None,
     frame: str | None = None,
     sonar_topic: str | None = None,
     cone: float = CONE,
-    poses: GivenPoses | None = None,
+    poses: Sequence[GivenPoses] = (),
     odometry: bool = False,
     beam_angles: str | None = None,
 ) -> tuple[Readings | None, Readings | None]:
-    """Read the log of a laser, of a sonar or of both; None for a sensor without log.
+    """Read the logs of a laser, of a sonar or of both, in one frame; None for a sensor without log.
 
-    `laser`, `sonar`: logs, which may be the same file. `topic`, `sonar_topic`: whose readings to take of each, see
-    :func:`read_readings`. `frame`: in what frame, for both; laser lines of CARMEN carry their poses, so there
-    it is for the sonar alone, but with `odometry`. `cone`: full opening angle in radians of sonar readings whose log
-    has none. `poses`: of a file, instead of those of the logs. `odometry`, `beam_angles` (of the laser): as there. What
-    a person must know of poses is logged.
+    `laser`, `sonar`: logs, which may be the same files; several are joined (:func:`prf.readings.several.join_logs`).
+    `topic`, `sonar_topic`: whose readings to take of each, see :func:`read_readings`. `frame`: in what frame, for both;
+    laser lines of CARMEN carry their poses, so there it is for the sonar alone, but with `odometry`. `cone`: full
+    opening angle in radians of sonar readings whose log has none. `poses`: of a file for all logs, or of one for each,
+    instead of those of the logs. `odometry`, `beam_angles` (of the laser): as there. What a person must know of poses
+    is logged.
     """
-    if topic is not None and laser is None:
+    if topic is not None and not laser:
         raise ConfigError(
             f"--topic {topic}: names readings of --laser, which is not given. For a sonar: --set "
             "readings.sonar_topic=NAME."
         )
-    if sonar_topic is not None and sonar is None:
+    if sonar_topic is not None and not sonar:
         raise ConfigError(f"readings.sonar_topic {sonar_topic}: names readings of --sonar, which is not given.")
-    if poses is not None and laser is None and sonar is None:
-        raise ConfigError(f"--poses {poses.source}: is for scans of --laser or --sonar, which is not given.")
-    beams = cones = None
-    if laser is not None:
-        try:
-            beams = read_readings(
-                laser, topic=topic, frame=frame, poses=poses, odometry=odometry, beam_angles=beam_angles
-            )
-        except OwnPoses:
-            if sonar is None:
-                raise
-            beams = read_readings(laser, topic=topic, poses=poses, odometry=odometry)
-    if sonar is not None:
-        cones = read_readings(sonar, "sonar", topic=sonar_topic, frame=frame, cone=cone, poses=poses, odometry=odometry)
-    for found in filter(None, (beams, cones)):
-        if poses is not None:
+    own_poses = (_poses_of_each(laser, "--laser", poses), _poses_of_each(sonar, "--sonar", poses))
+    if poses and not laser and not sonar:
+        raise ConfigError(f"--poses {poses[0].source}: is for scans of --laser or --sonar, which is not given.")
+    beams = [
+        _read_laser(log, topic, frame, given, odometry, beam_angles, bool(sonar))
+        for log, given in zip(laser, own_poses[0], strict=True)
+    ]
+    cones = [
+        read_readings(log, "sonar", topic=sonar_topic, frame=frame, cone=cone, poses=given, odometry=odometry)
+        for log, given in zip(sonar, own_poses[1], strict=True)
+    ]
+    for found in (*beams, *cones):
+        if poses:
             logger.info(f"{found.source}: poses of {found.notes.poses}")
         for warning in found.notes.warnings:
             logger.warning(f"{found.source}: {warning}")
-    return beams, cones
+    warn_of_frames(beams)
+    return join_logs(beams) if beams else None, join_logs(cones) if cones else None
+
+
+def _poses_of_each(logs: Sequence[str], flag: str, poses: Sequence[GivenPoses]) -> Sequence[GivenPoses | None]:
+    """Return the poses of each log of a kind: those of one file for all, of a file each, or None."""
+    if len(poses) > 1 and logs and len(poses) != len(logs):
+        raise ConfigError(
+            f"--poses: {len(poses)} files for {len(logs)} logs of {flag}. Give one for all, or one for each in order."
+        )
+    return poses if len(poses) > 1 and logs else [*poses, None][:1] * len(logs)
+
+
+def _read_laser(
+    log: str,
+    topic: str | None,
+    frame: str | None,
+    poses: GivenPoses | None,
+    odometry: bool,
+    beam_angles: str | None,
+    has_sonar: bool,
+) -> Readings:
+    """Read a laser's log; a frame that it cannot have is the sonar's."""
+    try:
+        return read_readings(log, topic=topic, frame=frame, poses=poses, odometry=odometry, beam_angles=beam_angles)
+    except OwnPoses:
+        if not has_sonar:
+            raise
+        return read_readings(log, topic=topic, poses=poses, odometry=odometry)
 
 
 def recognise(data: bytes, source: str, raw: bool = False, beam_angles: str | None = None) -> Format:

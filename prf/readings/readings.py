@@ -145,6 +145,9 @@ class LogNotes:
     odd_lines: Mapping[str, int] = field(default_factory=dict)  # the same for kinds that the format does not know
     remarks: tuple[str, ...] = ()  # what the reader had to assume
     warnings: tuple[str, ...] = ()  # what of that, or of scans without a pose, a person must know before mapping
+    # scans, and names, of each of several logs that were joined; empty for one
+    lengths: tuple[int, ...] = ()
+    names: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, repr=False)
@@ -174,6 +177,10 @@ class Readings:
         What the reader noticed.
     max_range : float
         Metres; a reading at or above it is no return. inf: not known from the log alone (:meth:`within`).
+    log : (n_beams,) int64
+        Which of several logs the reading is of, from 0; scan numbers go on from log to log.
+    weight : (n_beams,) float64
+        Independent readings that it counts as: 1, or more where it stands for others.
     """
 
     origin: FloatArray
@@ -183,6 +190,8 @@ class Readings:
     beam: NDArray[np.int32]
     time: FloatArray
     cone: FloatArray
+    log: IntArray
+    weight: FloatArray
     source: str
     notes: LogNotes = field(default_factory=LogNotes)
     max_range: float = math.inf
@@ -198,15 +207,17 @@ class Readings:
         beam: ArrayLike | None = None,
         time: ArrayLike = np.nan,
         cone: ArrayLike = 0.0,
+        log: ArrayLike = 0,
+        weight: ArrayLike = 1.0,
         source: str = "arrays",
         notes: LogNotes | None = None,
     ) -> Readings:
         """Return readings with every array cast to its type, C-contiguous; a scalar holds for every beam.
 
         `origin` (n, 2) or (2,): sensor positions, metres. `angle`, `ranges` (n,): directions in radians and distances
-        in metres; `ranges` fixes n. One beyond `LARGEST_RANGE` is no return. `scan`, `beam`, `time`, `cone` (n,): as
-        the attributes; `beam` counts through the beams of each scan if absent. `source`: where the readings are from.
-        `notes`: what the reader noticed.
+        in metres; `ranges` fixes n. One beyond `LARGEST_RANGE` is no return. `scan`, `beam`, `time`, `cone`, `log`,
+        `weight` (n,): as the attributes; `beam` counts through the beams of each scan if absent. `source`: where the
+        readings are from. `notes`: what the reader noticed.
         """
         distance = np.array(ranges, dtype=np.float64, order="C").reshape(-1)
         distance[distance > LARGEST_RANGE] = np.inf
@@ -221,6 +232,8 @@ class Readings:
             beam=np.array(np.broadcast_to(beams, shape), dtype=np.int32),
             time=np.array(np.broadcast_to(time, shape), dtype=np.float64),
             cone=np.array(np.broadcast_to(cone, shape), dtype=np.float64),
+            log=np.array(np.broadcast_to(log, shape), dtype=np.int64),
+            weight=np.array(np.broadcast_to(weight, shape), dtype=np.float64),
             source=source,
             notes=notes if notes is not None else LogNotes(),
         )
@@ -234,6 +247,17 @@ class Readings:
     def n_scans(self) -> int:
         """Number of different scans that have a beam here."""
         return len(np.unique(self.scan))
+
+    @property
+    def lengths(self) -> tuple[int, ...]:
+        """Scans of each log, those that lost all their beams included: one more than the highest of their numbers."""
+        numbers = self.notes.scans.number
+        return self.notes.lengths or (1 + int(max(self.scan.max(initial=-1), numbers.max(initial=-1))),)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Name of each log, for messages."""
+        return self.notes.names or (self.source,)
 
     @property
     def largest_range(self) -> float:
@@ -278,6 +302,8 @@ class Readings:
             beam=self.beam[mask],
             time=self.time[mask],
             cone=self.cone[mask],
+            log=self.log[mask],
+            weight=self.weight[mask],
         )
 
     def where(self, mask: NDArray[np.bool_]) -> Readings:

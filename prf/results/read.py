@@ -166,16 +166,20 @@ def _take_readings(path: Path, arrays: dict[str, NDArray[Any]], prefix: str) -> 
     angle = take_array(path, arrays, prefix + "angle", np.float64, (None,))
     n = len(angle)
     ranges = take_array(path, arrays, prefix + "range", np.float64, (n,))
-    values = {
+    values: dict[str, Any] = {
         "origin": take_array(path, arrays, prefix + "origin", np.float64, (n, 2)),
         "angle": angle,
         "cone": take_array(path, arrays, prefix + "cone", np.float64, (n,)) if prefix else np.zeros(n),
     }
+    for name, value, kind in (("log", 0, np.int64), ("weight", 1.0, np.float64)):  # earlier releases have neither
+        arrays.setdefault(prefix + name, np.full(n, value, kind))
+        values[name] = take_array(path, arrays, prefix + name, kind, (n,))
     sound = {name: np.isfinite(array).all() for name, array in values.items()} | {"range": (ranges >= 0.0).all()}
+    sound |= {name: sound[name] and bool((values[name] >= 0).all()) for name in ("log", "weight")}
     for name in (name for name, is_sound in sound.items() if not is_sound):
         raise damaged(path, f"a reading has an impossible value of {name}")
     scan = take_array(path, arrays, prefix + "scan", np.int64, (n,))
-    readings = Readings.from_arrays(values["origin"], angle, ranges, scan=scan, cone=values["cone"], source=str(path))
+    readings = Readings.from_arrays(ranges=ranges, scan=scan, source=str(path), **values)
     return readings.within(float(take_array(path, arrays, prefix + "max_range", np.float64, ())))
 
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from prf.model.coloring import Coloring, Draws
 from prf.model.orientation import wall_direction
+from prf.model.sensors import LaserModel
 from prf.poses.posterior import Trajectory
 from prf.readings import PointTable, Readings
 from prf.readings.counts import BeamCounts
@@ -144,6 +145,12 @@ class RunData:
         laser = self.laser if self.laser is None or found.laser is None else found.moved(self.laser, found.laser)
         sonar = self.sonar if self.sonar is None or found.sonar is None else found.moved(self.sonar, found.sonar)
         return dataclasses.replace(self, laser=laser, sonar=sonar)
+
+    def laser_model(self) -> LaserModel:
+        """Return the sensor that the run took its laser for."""
+        kept, laser = self.manifest["configuration"], self.laser
+        settings = {name: kept[name] for name in LaserModel.model_fields if name in kept}
+        return LaserModel(**settings | ({} if laser is None else {"max_range": laser.max_range}))
 
     @property
     def name(self) -> str:

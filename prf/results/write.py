@@ -154,6 +154,8 @@ def _arrays_of(readings: Readings) -> dict[str, NDArray[Any]]:
         "angle": readings.angle,
         "range": np.where(readings.returned, readings.range, np.inf),
         "scan": readings.scan,
+        "log": readings.log,
+        "weight": readings.weight,
         "max_range": np.array(readings.max_range),
     }
 

@@ -21,9 +21,11 @@ from prf.kernels.state.image import Image, settle_all
 from prf.model.coloring import Coloring
 from prf.model.layout import make_image, read_coloring
 from prf.model.orientation import unwrapped
+from prf.sampler.aims import even_shares, set_shares, unexplained
+from prf.sampler.continued import Earlier, continued_map
 from prf.sampler.directions import redraw_directions
 from prf.sampler.poses import PoseTurns
-from prf.sampler.schedules import Ladder, LadderPlan, Plain, Regions, has_regions, unexplained
+from prf.sampler.schedules import Ladder, LadderPlan, Plain, Regions, has_regions
 from prf.sampler.starts import find_start_map, prior_ground
 from prf.sampler.target import Target, copied, make_chain, one_colour_map, with_map
 
@@ -201,9 +203,9 @@ class ChainRun:
     """A chain under way: its state, its generator, its schedule and what it has recorded.
 
     It starts from the map `start`, in which every sensor is in white, or from a map of one colour (as in the paper),
-    which :meth:`find_start` may leave for a better one. `like` is another chain of the same target at its start, to
-    be copied. One that is cooled keeps its best map alone, and never draws ground that no reading concerns from the
-    prior (:mod:`prf.sampler.starts`).
+    which :meth:`find_start` may leave for a better one, or for that of an `earlier` run. `like` is another chain of the
+    same target at its start, to be copied. One that is cooled keeps its best map alone, and never draws ground that no
+    reading concerns from the prior (:mod:`prf.sampler.starts`).
     """
 
     def __init__(
@@ -212,11 +214,12 @@ class ChainRun:
         rng: np.random.Generator,
         probes: NDArray[np.int64],
         start: Coloring | None = None,
-        starts_from: Start = "empty",
+        starts_from: Start | Coloring = "empty",
         like: Chain | None = None,
         is_cooled: bool = False,
+        earlier: Earlier | None = None,
     ) -> None:
-        self.target, self.rng, self.starts_from = target, rng, starts_from
+        self.target, self.rng, self.starts_from, self.earlier = target, rng, starts_from, earlier
         fresh = one_colour_map(target) if start is None else start
         self.chain: Chain = make_chain(target, fresh) if like is None else copied(like)
         self.record = (BestMap if is_cooled else Record)(probes, self.chain.image.black.size)
@@ -225,6 +228,8 @@ class ChainRun:
         self.ground = None if is_cooled else prior_ground(target, self.chain)
         self.n_unexplained = np.zeros(len(self.chain.beams.ray))  # looks at which a return was left unexplained
         self.n_looks = 0.0
+        if target.tuning.first_new_log > 0:
+            set_shares([self], even_shares(target, self.chain))
         self.schedule: Plain = Regions(self.chain) if has_regions(target, self.chain) else Plain()
         if target.poses is not None:
             self.schedule = PoseTurns(target, self.chain, self.schedule)
@@ -308,7 +313,11 @@ class ChainRun:
         if self.poses is not None:
             self.chain = self.poses.start(self.chain)
         if self.starts_from != "empty":
-            start = find_start_map(self.starts_from, self.target, self.rng, is_over)
+            if isinstance(self.starts_from, Coloring):
+                assert self.earlier is not None
+                start = continued_map(self.starts_from, self.earlier, self.target)
+            else:
+                start = find_start_map(self.starts_from, self.target, self.rng, is_over)
             chain = with_map(self.chain, self.target, start)
             if chain.graph.counts[c.OCCUPIED] > 0:
                 start = one_colour_map(self.target)

@@ -238,14 +238,22 @@ def restore_image(run: ChainRun, arrays: Arrays) -> None:
 
 
 COUNTS = ("n_beams", "n_beams_thinned", "n_cones", "n_outside", "n_points", "n_points_outside")
-PROCESS_KEYS = ("versions", "platform", "command", "created", "inputs", "sources", *COUNTS)
+PROCESS_KEYS = (
+    *("versions", "platform", "command", "created", "inputs", "sources", "logs", "extends", "forgotten"),
+    *COUNTS,
+)
 
 
 def describe_start(logs: list[str], prepared: Prepared, sources: Mapping[str, str]) -> dict[str, Any]:
     """Return what a manifest keeps of the start of a run; `sources`: what has set each value of the configuration."""
     laser, sonar, points = prepared.target.laser, prepared.target.sonar, prepared.target.points
+    made, before = describe_process(logs), dict(prepared.before)
+    parts = {"laser": laser, "sonar": sonar}
     return {
-        **describe_process(logs),
+        **made,
+        **before,
+        "inputs": [*before.get("inputs", []), *made["inputs"]],
+        "logs": {kind: list(part.readings.names) for kind, part in parts.items() if part is not None},
         "sources": dict(sources),
         "n_beams": 0 if laser is None else laser.readings.n_beams,
         "n_beams_thinned": prepared.n_beams_thinned,
@@ -303,7 +311,7 @@ def identity_of(config: Configuration, seed: int, target: Target) -> str:
     return digest.hexdigest()
 
 
-def stored_config(run: Run, folder: Path) -> tuple[Configuration, int]:
+def stored_config(run: Run, folder: Path | str) -> tuple[Configuration, int]:
     """Return the configuration and the seed of a run."""
     try:
         return Configuration.of(**{"start": "empty", **run.manifest["configuration"]}), int(run.manifest["seed"])

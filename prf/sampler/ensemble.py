@@ -19,9 +19,11 @@ from prf.model.layout import image_grid, pixel_centres
 from prf.poses.posterior import Trajectory, pose_functionals
 from prf.results import PosteriorImage
 from prf.results.convergence import Diagnosis, diagnose, disagree
+from prf.sampler.aims import aim, is_aimed
 from prf.sampler.chain import DIRECTIONS, EDGES_ANYWHERE, FUNCTIONALS, ChainRun, Draw, burn_in, named_values
+from prf.sampler.continued import Earlier
 from prf.sampler.poses import start_apart
-from prf.sampler.schedules import LadderPlan, aim, is_aimed
+from prf.sampler.schedules import LadderPlan
 from prf.sampler.target import Target, copied, run_chain
 from prf.sampler.tiles.rounds import make_tile_data
 from prf.sampler.tiles.schedule import Tiles
@@ -47,8 +49,8 @@ class Sample(NamedTuple):
 class Ensemble:
     """Chains of one target that advance in step, one a generator.
 
-    With a `plan` every chain has a temperature ladder, from the start or once chains disagree. The tiles of all chains
-    are worked in `threads`.
+    Chains start alike, or each from a map of an `earlier` run. With a `plan` every chain has a temperature ladder, from
+    the start or once chains disagree. The tiles of all chains are worked in `threads`.
     """
 
     def __init__(
@@ -59,14 +61,15 @@ class Ensemble:
         starts_from: Start = "empty",
         threads: int = 1,
         is_cooled: bool = False,
+        earlier: Earlier | None = None,
     ) -> None:
         self.target = target
         self.probe_pixels = probe_pixels(target)
         self.chains: list[ChainRun] = []
-        for rng in generators:
+        for i, rng in enumerate(generators):
             like = self.chains[0].chain if self.chains else None
-            made = ChainRun(target, rng, self.probe_pixels, starts_from=starts_from, like=like, is_cooled=is_cooled)
-            self.chains.append(made)
+            where = starts_from if earlier is None else earlier.maps[i % len(earlier.maps)]
+            self.chains.append(ChainRun(target, rng, self.probe_pixels, None, where, like, is_cooled, earlier))
         start_apart([chain.poses for chain in self.chains if chain.poses is not None], generators)
         self._awaited = plan if plan is not None and plan.temperatures > 1 else None
         self._blocks = 0  # whole blocks of steps at the start of the round

@@ -109,7 +109,7 @@ class PoseTurns(Plain):
         # Once more from the poses alone: what was added up on the way depends on it.
         maximum = float(chain.cones.model[SONAR_MAX])
         place_readings(self.state, chain.graph.window, chain.beams.model, maximum, chain.beams.ray, chain.cones.pose)
-        beams = make_beams(grid, laser.model, chain.beams.ray, capacity, target.execution.levels)
+        beams = make_beams(grid, laser.model, chain.beams.ray, laser.readings.weight, capacity, target.execution.levels)
         return chain._replace(
             beams=beams._replace(impact_edge=chain.beams.impact_edge),
             cones=make_cones(grid, sonar.model, chain.cones.pose, capacity),

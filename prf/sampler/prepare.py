@@ -5,7 +5,8 @@ from __future__ import annotations
 import dataclasses
 import logging
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -35,6 +36,7 @@ from prf.readings.describe import default_max_range
 from prf.readings.ground import chosen_window, seen_cells, thin_beams
 from prf.readings.readings import fields_of_view
 from prf.readings.way import driven_way
+from prf.sampler.continued import Earlier
 from prf.sampler.schedules import AUTO_TEMPERATURES, LadderPlan
 from prf.sampler.target import Execution, LaserData, PointData, SonarData, Target
 from prf.shell.errors import ConfigError, InputError
@@ -70,6 +72,8 @@ class Prepared(NamedTuple):
     n_points_outside: int  # point observations dropped because they do not lie inside the window
     n_beams_thinned: int = 0  # beams inside the window that thinning left out
     counts: BeamCounts | None = None  # of these beams and the others; None without a laser, and of uncertain poses
+    earlier: Earlier | None = None  # None: chains start afresh
+    before: Mapping[str, Any] = MappingProxyType({})  # what the manifest says of the run that they go on from
 
     def announce(self) -> None:
         """Warn of readings and points outside the window, and log why not all beams of a dense log are used."""
@@ -99,21 +103,21 @@ def describe_readings(target: Target, n_beams_thinned: int) -> str:
 
 
 def read_prepared(
-    laser_log: str | None, config: Configuration, sonar_log: str | None = None, point_data: str | None = None
+    laser_logs: Sequence[str], config: Configuration, sonar_logs: Sequence[str] = (), point_data: str | None = None
 ) -> Prepared:
     """Read the logs of a laser and a sonar, thin them, read point observations, and resolve `config` for all these."""
-    laser, sonar = read_configured(config, laser_log, sonar_log)
+    laser, sonar = read_configured(config, laser_logs, sonar_logs)
     observed = None if point_data is None else read_point_data(point_data)
     return prepare_whole(config, laser, sonar, observed)
 
 
 def read_configured(
-    config: Configuration, laser_log: str | None, sonar_log: str | None
+    config: Configuration, laser_logs: Sequence[str], sonar_logs: Sequence[str] = ()
 ) -> tuple[Readings | None, Readings | None]:
     """Read the logs of a laser and a sonar, of the topics, frame and poses of a configuration; None without a log."""
     return read_logs(
-        laser_log,
-        sonar_log,
+        laser_logs,
+        sonar_logs,
         topic=config.readings.topic,
         frame=config.readings.frame,
         sonar_topic=config.readings.sonar_topic,
@@ -124,38 +128,42 @@ def read_configured(
     )
 
 
-def given_poses(options: ReadingOptions, odometry: str | None = None) -> GivenPoses | None:
-    """Read the poses of a file with how they belong to scans; None if there is none.
+def given_poses(options: ReadingOptions, odometry: str | None = None) -> list[GivenPoses]:
+    """Read the poses of files with how they belong to scans: of one for all logs, of one for each, or none.
 
     `odometry`: a file of raw odometry. Alone it gives the poses, else their steps.
     """
-
-    def read(file: str | None) -> GivenPoses | None:
-        how = (options.pose_gap, options.pose_mount, options.pose_offset, options.pose_quaternion)
-        return None if file is None else read_poses(file, *how)
-
-    poses, driven = read(options.poses), read(odometry)
-    if poses is None or driven is None:
-        return poses or driven
-    return dataclasses.replace(poses, odometry=driven)
+    how = (options.pose_gap, options.pose_mount, options.pose_offset, options.pose_quaternion)
+    poses = [read_poses(file, *how) for file in options.poses]
+    if odometry is None:
+        return poses
+    driven = read_poses(odometry, *how)
+    return [dataclasses.replace(each, odometry=driven) for each in poses] or [driven]
 
 
 def with_poses(logs: Sequence[str], config: Configuration) -> list[str]:
     """Return the files that readings are from: the logs, and those of their poses."""
-    return [*logs, *filter(None, (config.readings.poses, config.trajectory.file))]
+    return [*logs, *config.readings.poses, *filter(None, (config.trajectory.file,))]
 
 
 def prepare_whole(
-    config: Configuration, laser: Readings | None, sonar: Readings | None, observed: PointTable | None
+    config: Configuration,
+    laser: Readings | None,
+    sonar: Readings | None,
+    observed: PointTable | None,
+    least: Window | None = None,
 ) -> Prepared:
-    """Take the chosen scans and beams of whole logs, warn of what would spoil a map, and resolve `config` for them."""
+    """Take the chosen scans and beams of whole logs, warn of what would spoil a map, and resolve `config` for them.
+
+    `least` is part of the window.
+    """
     kept_laser = _chosen(config, laser, "laser", config.laser.max_range)
     kept_sonar = _chosen(config, sonar, "sonar", config.sonar.max_range)
     if laser is not None and config.laser.max_range is None and math.isfinite(default_max_range(laser)):
         # Of the whole log: what is left after thinning may hold no "no return" at all.
         config = config.replace(max_range=default_max_range(laser))
     driven = [log for log in (laser, sonar) if log is not None] if config.driven.poses == "all" else None
-    return prepare(config, kept_laser, kept_sonar, observed, driven)
+    return prepare(config, kept_laser, kept_sonar, observed, driven, least)
 
 
 def _chosen(config: Configuration, readings: Readings | None, kind: Kind, max_range: float | None) -> Readings | None:
@@ -172,10 +180,11 @@ def prepare(
     sonar: Readings | None = None,
     observed: PointTable | None = None,
     driven: Sequence[Readings] | None = None,
+    least: Window | None = None,
 ) -> Prepared:
     """Resolve a configuration for the chosen readings of a laser and a sonar, and for points; one at least.
 
-    The way driven is that of the poses of `driven`, or else of these readings.
+    The way driven is that of the poses of `driven`, or else of these readings. `least` is part of the window.
 
     Raises
     ------
@@ -194,7 +203,7 @@ def prepare(
     elif beams is not None and (found := given_errors(beams, config.laser.noise)) is not None and found.advice():
         logger.warning(f"{beams.source}: {found.advice()}")
     sensors = [part for part in (beams, cones) if part is not None]
-    window = _window(config, sensors, observed)
+    window = _window(config, sensors, observed, least)
     n_outside = sum(int((~window.contains(part.origin, strictly=True)).sum()) for part in sensors)
     rows, cone_rows = _rows_inside(beams, window), _rows_inside(cones, window)
     inside, kept_cones = _chosen_rows(beams, rows), _chosen_rows(cones, cone_rows)
@@ -248,15 +257,17 @@ def _resolved(
     return config.replace(**changes)
 
 
-def _window(config: Configuration, sensors: Sequence[Readings], observed: PointTable | None) -> Window:
-    """Return the window requested, or one round sensors and returns, or round points where there are no sensors."""
+def _window(
+    config: Configuration, sensors: Sequence[Readings], observed: PointTable | None, least: Window | None
+) -> Window:
+    """Return the window requested, or one round sensors, returns and `least`, or round points without sensors."""
     if config.prior.window is None and observed is not None and not sensors:
-        return window_round(observed.xy)
+        return window_round(observed.xy).joined(least)
     origin, angle, ranges = (
         np.concatenate([np.empty(shape), *(getattr(part, name) for part in sensors)])
         for name, shape in (("origin", (0, 2)), ("angle", 0), ("range", 0))
     )
-    return chosen_window(config.prior.window, origin, angle, ranges)
+    return chosen_window(config.prior.window, origin, angle, ranges).joined(least)
 
 
 def _beams(config: Configuration, readings: Readings) -> Readings:
@@ -311,6 +322,11 @@ def _started(config: Configuration, beams: Readings | None, cones: Readings | No
     """
     if config.sampler.is_tempered or config.sampler.tiles:
         raise ConfigError("uncertain poses: their chains have neither tiles nor temperatures. Leave these out.")
+    n_logs = [len(part.names) for part in (beams, cones) if part is not None]
+    if config.trajectory.step_noise is not None and max(n_logs) > 1:
+        raise ConfigError(
+            "odometry: nothing says how the odometry of one log lies to that of another. Give poses in one frame."
+        )
     noise = pose_noise(config.trajectory.pose_noise, beams, config.laser.noise)
     found = pose_model(beams, cones, noise, config.trajectory.step_noise)
     if beams is None:

@@ -1,13 +1,8 @@
 """Schedules of a chain: which steps come next. The plain one, regions round returns left in doubt, temperature ladders.
 
-**Regions.** How often each return was left unexplained is counted. The probabilities of the targets follow when the
-number of blocks is a power of two, in all chains alike: in between no proposal depends on the map in a way that its
-density does not know. Adaptation that becomes rarer and rarer keeps the limit of all averages (Chimisov,
-Latuszynski, Roberts 2018, Air Markov chain Monte Carlo).
-
-Every second turn of a chain is spent in a region round a target, drawn without a look at the map. The moves are
-confined to it for a number of steps (:mod:`prf.kernels.state.frozen`): given what lies outside they sample what lies
-inside, so that each leaves the posterior what it is.
+**Regions.** Every second turn of a chain is spent in a region round a target (:mod:`prf.sampler.aims`), drawn without a
+look at the map. The moves are confined to it for a number of steps (:mod:`prf.kernels.state.frozen`): given what lies
+outside they sample what lies inside, so that each leaves the posterior what it is.
 
 **Parallel tempering.** Beside a chain hot ones run, on which the likelihood counts less, and maps are swapped.
 Chain k of the temperature ladder has the target h exp(powers[k] (log likelihood - cost * occupied sensors)), where
@@ -26,7 +21,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -36,7 +31,6 @@ from prf.kernels import constants as c
 from prf.kernels.state.build import recompute_sums
 from prf.kernels.state.chain import Chain
 from prf.kernels.state.frozen import confine, release
-from prf.kernels.state.grid import cells_of
 from prf.kernels.state.targets import NEAR
 from prf.kernels.step import run
 from prf.model.arak import exact_draws
@@ -55,16 +49,8 @@ from prf.sampler.target import (
 )
 
 if TYPE_CHECKING:
-    from prf.sampler.chain import ChainRun
+    pass
 
-UNEXPLAINED = 4.0
-"""Nats that an unexplained return lacks at least to the best that any map could do for it."""
-EVEN = 0.3
-"""Share of the probability that all targets have alike."""
-NEVER = 0.1
-"""Weight of a return that no map ever explained; one that half of the maps explained has 1/4."""
-MEMORY = 0.5
-"""Weight of what was counted before, each time that targets are set."""
 TURN = 2000
 """Steps in one region, or between two on the whole window."""
 TURNS = 2
@@ -149,53 +135,6 @@ class Regions(Plain):
 def has_regions(target: Target, chain: Chain) -> bool:
     """Return whether a chain steps in regions: with a laser, whose returns are the targets, but not in tiles."""
     return target.laser is not None and len(chain.targets.cell) > 0 and not target.execution.tiles
-
-
-def is_aimed(before: int, blocks: int) -> bool:
-    """Return whether targets are set again: whether the number of blocks has reached a power of two, or passed one."""
-    return before.bit_length() != blocks.bit_length()
-
-
-def aim(chains: Sequence[ChainRun]) -> None:
-    """Set the probabilities of the targets of all chains by what was left unexplained in all of them."""
-    looks = sum(each.n_looks for each in chains)
-    first = chains[0].chain
-    n = len(first.targets.cell)
-    if n == 0 or looks == 0.0 or len(first.beams.ray) == 0:
-        return
-    share = np.asarray(sum(each.n_unexplained for each in chains)) / looks
-    weight = share * (1.0 - share) + NEVER * share
-    of_target = target_of_beams(first)
-    aimed = of_target != c.NONE
-    total = np.bincount(of_target[aimed], weight[aimed], n)
-    if total.sum() > 0.0:
-        cumulative = np.cumsum(EVEN / n + (1.0 - EVEN) * total / total.sum())
-        for each in chains:
-            each.chain.targets.cumulative[:] = cumulative / cumulative[-1]
-    for each in chains:
-        each.n_unexplained *= MEMORY
-        each.n_looks *= MEMORY
-
-
-def target_of_beams(chain: Chain) -> NDArray[np.int32]:
-    """Return the target (n_beams,) in which the return of each beam lies, NONE where there is none."""
-    targets, ray = chain.targets, chain.beams.ray
-    ends = ray[:, :2] + np.where(has_return(chain), ray[:, c.RANGE], 0.0)[:, None] * ray[:, 2:4]
-    return np.where(has_return(chain), targets.number[cells_of(targets.grid, ends)], c.NONE)
-
-
-def has_return(chain: Chain) -> NDArray[np.bool_]:
-    """Return which beams have a return inside the window."""
-    reading = chain.beams.ray[:, c.RANGE]
-    found: NDArray[np.bool_] = np.isfinite(reading) & (reading >= 0.0)
-    return found
-
-
-def unexplained(chain: Chain) -> NDArray[np.bool_]:
-    """Return which beams have a return that no edge explains."""
-    lacks = chain.beams.best - chain.beams.ray[:, c.BEAM_LOG_LIKELIHOOD]
-    found: NDArray[np.bool_] = has_return(chain) & (lacks > UNEXPLAINED)
-    return found
 
 
 Floats = NDArray[np.float64]

@@ -10,7 +10,7 @@ import logging
 import math
 import os
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import repeat
 from pathlib import Path
 from types import MappingProxyType
@@ -42,9 +42,10 @@ from prf.sampler.checkpoint import (
     save_checkpoint,
     stored_config,
 )
+from prf.sampler.continued import Earlier
 from prf.sampler.ensemble import Ensemble
 from prf.sampler.prepare import Prepared, describe_readings, ladder_plan, make_target
-from prf.sampler.target import Target
+from prf.sampler.target import Target, Tuning
 from prf.shell.cli.settings import Loaded
 from prf.shell.cli.storage import spawn_generators, versions
 from prf.shell.errors import InputError, OutputError
@@ -186,7 +187,7 @@ class Session:
         sources: Mapping[str, str] = MappingProxyType({}),
     ) -> Session:
         """Return a run of fresh chains; the manifest keeps `sources`: what has set each value of the configuration."""
-        ensemble = make_ensemble(prepared.config, prepared.target, seed, threads)
+        ensemble = make_ensemble(prepared.config, prepared.target, seed, threads, prepared.earlier)
         return cls(
             ensemble,
             prepared.config,
@@ -199,7 +200,12 @@ class Session:
 
     @classmethod
     def resume(
-        cls, folder: Path, logs: dict[str, str], requested: Loaded[Configuration], seed: int | None, threads: int
+        cls,
+        folder: Path,
+        logs: Mapping[str, Sequence[str]],
+        requested: Loaded[Configuration],
+        seed: int | None,
+        threads: int,
     ) -> Session:
         """Return the run in `folder` as its checkpoint has it; refuse to if it was made otherwise than requested."""
         run = read_run(folder, parts=(names.READINGS, names.POSTERIOR))
@@ -207,8 +213,9 @@ class Session:
             raise InputError(f"{folder}: readings.npz is missing. Sample anew with --force.")
         config, stored_seed = stored_config(run, folder)
         refuse_changes(config, requested, stored_seed, seed)
-        for flag, log in logs.items():
-            refuse_other_log(run, flag, log)
+        for flag, given in logs.items():
+            for log in given:
+                refuse_other_log(run, flag, log)
         if run.manifest.get("versions") != versions():
             logger.warning("this run was begun with other versions of the packages: bit for bit may not hold")
         seen = None if run.image is None else run.image.seen
@@ -217,7 +224,8 @@ class Session:
             model = load_pose_model(folder)
             laser, sonar = model.placed(laser, sonar, model.start)
         target = make_target(config, laser, sonar, run.points)
-        target = dataclasses.replace(target, seen=seen, way=run.way, poses=model)
+        tuning = Tuning(first_new_log=int(run.manifest.get("extends", {}).get("n_laser_logs", 0)))
+        target = dataclasses.replace(target, seen=seen, way=run.way, poses=model, tuning=tuning)
         process = {key: run.manifest[key] for key in PROCESS_KEYS if key in run.manifest}
         seconds = float(run.manifest.get("seconds", 0.0))
         ensemble = make_ensemble(config, target, stored_seed, threads)
@@ -357,10 +365,12 @@ class Session:
         }
 
 
-def make_ensemble(config: Configuration, target: Target, seed: int, threads: int) -> Ensemble:
-    """Return fresh chains of a resolved configuration."""
-    generators = spawn_generators(seed, config.sampler.chains)
-    return Ensemble(target, generators, ladder_plan(config), config.sampler.start or "empty", threads)
+def make_ensemble(
+    config: Configuration, target: Target, seed: int, threads: int, earlier: Earlier | None = None
+) -> Ensemble:
+    """Return fresh chains of a resolved configuration, which may go on from an `earlier` run."""
+    generators, start = spawn_generators(seed, config.sampler.chains), config.sampler.start or "empty"
+    return Ensemble(target, generators, ladder_plan(config), start, threads, earlier=earlier)
 
 
 def default_output(log: str | os.PathLike[str]) -> Path:

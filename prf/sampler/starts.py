@@ -1,6 +1,7 @@
 """Where chains start, and ground that no reading concerns, which is drawn from the prior.
 
-A chain starts from the empty map, the contour of an occupancy grid, or where a draw of the prior leads.
+A chain starts from the empty map, the contour of an occupancy grid, or where a draw of the prior leads; or from the
+last map of a run that it goes on from (:mod:`prf.sampler.continued`).
 Chains that start alike may agree for lack of time to separate. Contours differ from chain to chain in the readings that
 they use, draws of the prior in everything. No step on the way to a start is a step of the chain.
 
@@ -124,7 +125,7 @@ def contour_map(target: Target, rng: np.random.Generator) -> Coloring:
     window = target.window
     cell = max(CELL, target.laser.model.noise, float(np.sqrt(window.area / MOST_CELLS)))
     chosen = rng.random(target.laser.readings.n_beams) < GRID_SHARE
-    return map_of_region(_occupied_region(window, target.laser, chosen, cell), target, cell)
+    return map_of_region(occupied_region(window, target.laser, chosen, cell), target, cell)
 
 
 def map_of_region(region: BaseGeometry, target: Target, cell: float = CELL) -> Coloring:
@@ -149,7 +150,7 @@ def map_of_region(region: BaseGeometry, target: Target, cell: float = CELL) -> C
     return one_colour_map(target)
 
 
-def _occupied_region(window: Window, laser: LaserData, chosen: NDArray[np.bool_], cell: float) -> BaseGeometry:
+def occupied_region(window: Window, laser: LaserData, chosen: NDArray[np.bool_], cell: float) -> BaseGeometry:
     """Return the union of the cells that the chosen beams end in often enough, holes of a cell closed."""
     grid = make_grid(*window, cell)
     n = grid.nx * grid.ny

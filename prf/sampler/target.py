@@ -104,6 +104,7 @@ class Tuning:
     join_reach: float | None = None
     aimed_share: float = 0.8  # share of births of triangles that are aimed at returns, where there are any
     aim_reach: float | None = None
+    first_new_log: int = 0  # logs of the laser from this one on are aimed at more than the others
 
     def array(self, scale: float) -> Floats:
         """Return what the kernels read, of a prior of this scale (1/m), from which reaches follow that are None."""
@@ -262,6 +263,7 @@ SHARED = (
     "slot_near",
     "targets",
     "xy",
+    "weight",
     "best",
     "aim",
     "level",
@@ -281,7 +283,7 @@ def make_chain(target: Target, coloring: Coloring) -> Chain:
     window = target.window
     capacity = max(FIRST_CAPACITY, 2 * (len(coloring.xy) + c.MOST_CHANGES))
     graph = make_graph(coloring, capacity)
-    ray = rays_of(target)
+    laser, ray = target.laser or NO_LASER, rays_of(target)
     cell = target.cell_size()
     if target.execution.cell is None:
         # So many beams that their lists would fill the memory get larger cells.
@@ -296,7 +298,7 @@ def make_chain(target: Target, coloring: Coloring) -> Chain:
     chain = Chain(
         graph=graph,
         edge_index=make_index(graph, grid, FIRST_CELL_ROOM),
-        beams=make_beams(grid, (target.laser or NO_LASER).model, ray, capacity, target.execution.levels),
+        beams=make_beams(grid, laser.model, ray, laser.readings.weight, capacity, target.execution.levels),
         cones=make_cones(grid, (target.sonar or NO_SONAR).model, poses_of(target), capacity),
         points=painted_points(target.points, coloring),
         sensors=make_sites(grid, white_places(target), coloring),

@@ -57,9 +57,10 @@ def test_sonars_have_a_cone_and_lasers_have_none() -> None:
     laser, sonar = prf.laser(POSE, ANGLE, RANGES), prf.sonar(POSE, ANGLE, RANGES, cone=0.3)
     assert set(sonar.cone) == {0.3}
     values = prf.points([[0.0, 1.0]], [1])
-    assert by_kind([values, sonar, laser]) == {"laser": laser, "sonar": sonar, "points": values}
-    assert by_kind(values) == {"points": values}
-    assert by_kind("a.log") == {"laser": "a.log"}
+    assert by_kind([values, sonar, laser]) == {"laser": [laser], "sonar": [sonar], "points": [values]}
+    assert by_kind(values) == {"points": [values]}
+    assert by_kind("a.log") == {"laser": ["a.log"]}
+    assert by_kind({"laser": ["a.log", laser]}) == {"laser": ["a.log", laser]}
 
 
 @pytest.mark.parametrize(
@@ -80,7 +81,7 @@ def test_sonars_have_a_cone_and_lasers_have_none() -> None:
         (lambda: prf.points([[1.0, 2.0]], [np.inf]), "value[0] is inf"),
         (lambda: prf.sample([]), "readings: give at least one"),
         (lambda: prf.sample(RANGES), "readings: ndarray is not a log"),
-        (lambda: prf.sample([prf.laser(POSE, ANGLE, RANGES)] * 2), "laser is given twice"),
+        (lambda: prf.sample([prf.points([[0.0, 1.0]], [1])] * 2), "points are given twice"),
         (lambda: prf.sample({"radar": "a.log"}), "'radar': must be one of laser, sonar, points"),
         (lambda: prf.sample("a.log", sensors=prf.SonarModel()), "no readings of the sonar"),
         (lambda: prf.sample("a.log", sensors="laser"), "str, must be one of LaserModel"),

@@ -97,8 +97,8 @@ def test_laser_and_points_in_one_posterior(files: dict[str, str], tmp_path: Path
     assert run.manifest["configuration"]["points_kind"] == "gaussian"
     assert run.manifest["configuration"]["points_sigma"] == pytest.approx(0.5, abs=0.1)
     assert [used["path"] for used in run.manifest["inputs"]] == [files["laser"], files["grey"]]
-    alone = read_prepared(files["laser"], Configuration.of(), None, None).config.prior.window
-    assert read_prepared(files["laser"], Configuration.of(), None, files["grey"]).config.prior.window == alone
+    alone = read_prepared([files["laser"]], Configuration.of()).config.prior.window
+    assert read_prepared([files["laser"]], Configuration.of(), (), files["grey"]).config.prior.window == alone
 
 
 def test_anneal_finds_the_square(files: dict[str, str], tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ import numba
 import numpy as np
 import pytest
 
+from prf.kernels import constants as c
 from prf.kernels._jit import core_entry
 from prf.kernels.readings.laser import beam_log_likelihood
 from prf.kernels.readings.laser_change import touch_beams
@@ -55,7 +56,7 @@ def exits(grid: Grid, cell: int, rays: np.ndarray, distance: np.ndarray) -> None
 @core_entry
 def log_likelihoods(model: np.ndarray, reading: np.ndarray, distance: np.ndarray, found: np.ndarray) -> None:
     for k in range(reading.size):
-        found[k] = beam_log_likelihood(model, reading[k], distance[k])
+        found[k] = beam_log_likelihood(model, model[c.WEIGHT], reading[k], distance[k])
 
 
 @core_entry

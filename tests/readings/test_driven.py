@@ -143,7 +143,18 @@ def readings(origin: list[list[float]], scan: list[int], angle: float = 0.0) -> 
     n = len(scan)
     none = np.full(n, np.nan)
     beam = np.zeros(n, np.int32)
-    return Readings(np.array(origin), np.full(n, angle), np.full(n, 2.0), np.array(scan), beam, none, none, "a.log")
+    return Readings(
+        np.array(origin),
+        np.full(n, angle),
+        np.full(n, 2.0),
+        np.array(scan),
+        beam,
+        none,
+        none,
+        np.array(scan),
+        none,
+        "a.log",
+    )
 
 
 def test_a_ring_counts_as_its_middle_scan_by_scan() -> None:

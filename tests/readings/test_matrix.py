@@ -23,14 +23,14 @@ def rows(values, mark="\t"):
 
 def configured(tmp_path, ranges=RANGES, way=WAY, **changes):
     values = {"poses": save(tmp_path, rows(way), "way.txt"), "beam_angles": ANGLES, **changes}
-    found = read_configured(Configuration.of(**values), save(tmp_path, rows(ranges), "ranges.txt"), None)[0]
+    found = read_configured(Configuration.of(**values), [save(tmp_path, rows(ranges), "ranges.txt")])[0]
     assert found is not None
     return found
 
 
 @pytest.mark.parametrize("mark", ["\t", " ", ", ", ";"])
 def test_rows_are_scans_and_columns_beams(tmp_path, mark):
-    poses = given_poses(Configuration.of(poses=save(tmp_path, rows(WAY, mark), "way.txt")).readings)
+    [poses] = given_poses(Configuration.of(poses=save(tmp_path, rows(WAY, mark), "way.txt")).readings)
     found = read_readings(save(tmp_path, rows(RANGES, mark)), poses=poses, beam_angles=ANGLES)
     np.testing.assert_array_equal(found.range, RANGES.ravel())
     np.testing.assert_array_equal(found.scan, np.repeat(np.arange(4), 9))
@@ -42,7 +42,7 @@ def test_rows_are_scans_and_columns_beams(tmp_path, mark):
 
 def test_an_array_of_numpy_and_a_zipped_text(tmp_path):
     np.save(tmp_path / "ranges.npy", RANGES)
-    poses = given_poses(Configuration.of(poses=save(tmp_path, rows(WAY), "way.txt")).readings)
+    [poses] = given_poses(Configuration.of(poses=save(tmp_path, rows(WAY), "way.txt")).readings)
     for path in (str(tmp_path / "ranges.npy"), save(tmp_path, rows(RANGES), "ranges.gz", zipped=True)):
         np.testing.assert_array_equal(read_readings(path, poses=poses, beam_angles=ANGLES).range, RANGES.ravel())
 
@@ -88,7 +88,7 @@ def test_what_is_wrong_is_said_in_one_line(tmp_path, changes, message):
 
 
 def test_rows_that_differ_are_refused_with_their_line(tmp_path):
-    poses = given_poses(Configuration.of(poses=save(tmp_path, rows(WAY), "way.txt")).readings)
+    [poses] = given_poses(Configuration.of(poses=save(tmp_path, rows(WAY), "way.txt")).readings)
     for text, message in (
         (rows(RANGES[:2]) + "1 2 3\n", "ranges.txt:3: 3 ranges, but 9 before"),
         (rows(RANGES[:2]) + "1 2 3 4 5 6 7 8 x\n", "ranges.txt:3: a range is not a number"),

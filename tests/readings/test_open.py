@@ -137,14 +137,14 @@ def bag(tmp_path_factory: pytest.TempPathFactory) -> str:
 
 
 def test_topics_and_frame_are_for_their_logs(bag: str) -> None:
-    laser, sonar = read_logs(bag, bag, topic="/rear", sonar_topic="/left", frame="odom")
+    laser, sonar = read_logs([bag], [bag], topic="/rear", sonar_topic="/left", frame="odom")
     assert laser is not None
     assert sonar is not None
     assert (laser.notes.devices, sonar.notes.devices) == (("/rear",), ("/left",))
     assert laser.origin[:, 1].max() < 1.0, "in the frame map it is beyond y = 20"
     assert sonar.origin[:, 1].max() < 1.0
     with pytest.raises(ConfigError, match="--topic"):
-        read_logs(bag, None)
+        read_logs([bag], [])
 
 
 def test_the_frame_is_for_the_sonar_of_a_carmen_log(tmp_path: Path) -> None:
@@ -152,16 +152,16 @@ def test_the_frame_is_for_the_sonar_of_a_carmen_log(tmp_path: Path) -> None:
     sonar = "SONAR 0.5 1 2.0 0 0 0 5.0 pippo 5.0\n"
     poses = "".join(f"ODOM {x} 0 0 0 0 0 {4 + x} pippo 5.0\n" for x in range(3))
     log.write_text(flaser([1, 2], pose=(7, 8, 0)) + poses + sonar)
-    found = read_logs(str(log), str(log), frame="ODOM")
+    found = read_logs([str(log)], [str(log)], frame="ODOM")
     assert [None if each is None else each.origin[0].tolist() for each in found] == [[7, 8], [1, 0]]
     with pytest.raises(ConfigError, match="carry the laser's pose"):
-        read_logs(str(log), None, frame="ODOM")
+        read_logs([str(log)], [], frame="ODOM")
 
 
 def test_the_cone_is_for_sonars_without_one(tmp_path: Path) -> None:
     table = tmp_path / "ring.csv"
     table.write_text("x,y,theta,range\n5,5,0,1\n")
-    laser, sonar = read_logs(None, str(table), cone=0.2)
+    laser, sonar = read_logs([], [str(table)], cone=0.2)
     assert laser is None
     assert sonar is not None
     assert sonar.cone.tolist() == [0.2]
@@ -169,9 +169,9 @@ def test_the_cone_is_for_sonars_without_one(tmp_path: Path) -> None:
 
 def test_a_topic_without_its_log_is_refused(bag: str) -> None:
     with pytest.raises(ConfigError, match="sonar_topic"):
-        read_logs(None, bag, topic="/left")
+        read_logs([], [bag], topic="/left")
     with pytest.raises(ConfigError, match="--sonar, which is not given"):
-        read_logs(bag, None, topic="/rear", sonar_topic="/left")
+        read_logs([bag], [], topic="/rear", sonar_topic="/left")
 
 
 @pytest.mark.parametrize(

@@ -45,13 +45,13 @@ class Impacts(NamedTuple):
 @core_entry
 def impacts_from_scratch(
     graph: Graph,
-    model: np.ndarray,
-    ray: np.ndarray,
+    beams: Beams,
     impact_edge: np.ndarray,
     distance: np.ndarray,
     log_likelihood: np.ndarray,
 ) -> float:
     """Fill edge, distance and log likelihood (n,) of every beam; return the sum of log likelihoods."""
+    model, ray = beams.model, beams.ray
     total = 0.0
     for beam in range(ray.shape[0]):
         best = ray[beam, c.MAX_DISTANCE]
@@ -64,7 +64,7 @@ def impacts_from_scratch(
                 best_edge = edge
         impact_edge[beam] = best_edge
         distance[beam] = best if best_edge != c.NONE else math.inf
-        log_likelihood[beam] = beam_log_likelihood(model, ray[beam, c.RANGE], distance[beam])
+        log_likelihood[beam] = beam_log_likelihood(model, beams.weight[beam], ray[beam, c.RANGE], distance[beam])
         total += log_likelihood[beam]
     return total
 
@@ -85,7 +85,7 @@ def recompute_impacts(chain: Chain) -> Impacts:
     beams = chain.beams
     n = len(beams.ray)
     edge, distance, log_likelihood = np.zeros(n, np.int32), np.zeros(n), np.zeros(n)
-    total = impacts_from_scratch(chain.graph, beams.model, beams.ray, edge, distance, log_likelihood)
+    total = impacts_from_scratch(chain.graph, beams, edge, distance, log_likelihood)
     return Impacts(edge, distance, log_likelihood, total)
 
 

@@ -13,8 +13,9 @@ from prf.model.coloring import Coloring, violations
 from prf.model.layout import read_coloring
 from prf.model.window import Window
 from prf.sampler import Ensemble
+from prf.sampler.aims import EVEN, NEVER, aim, target_of_beams, unexplained
 from prf.sampler.chain import ChainRun
-from prf.sampler.schedules import EVEN, NEVER, TURN, TURNS, Regions, aim, has_regions, target_of_beams, unexplained
+from prf.sampler.schedules import TURN, TURNS, Regions, has_regions
 from prf.sampler.target import Execution, Target, make_chain, run_chain
 from prf.shell.cli.storage import spawn_generators
 from tests.driving import advance, find_starts, run_to

@@ -98,7 +98,7 @@ def beam_change(graph: Graph, index: EdgeIndex, beams: Beams, poses: Poses, i: i
         distance = beams.beyond[beam]
     poses.new_edge[at] = edge
     ray[c.DISTANCE] = distance
-    ray[c.BEAM_LOG_LIKELIHOOD] = beam_log_likelihood(beams.model, ray[c.RANGE], distance)
+    ray[c.BEAM_LOG_LIKELIHOOD] = beam_log_likelihood(beams.model, beams.weight[beam], ray[c.RANGE], distance)
     return ray[c.BEAM_LOG_LIKELIHOOD] - old[c.BEAM_LOG_LIKELIHOOD]
 
 

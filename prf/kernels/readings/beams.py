@@ -38,6 +38,7 @@ class Beams(NamedTuple):
     cell_start: Array  # (n_levels * n_cells + 1,) i8
     cell_count: Array  # (n_levels * n_cells,) i4
     entries: Array  # (slots, 2) i4 beam and slot, listed by cell
+    weight: Array  # (n,) f8 independent readings that each counts as
     best: Array  # (n,) f8 log likelihood that no distance exceeds
     aim: Array  # (n, 2) i4 slots in which the reading lies: the first, and the one after the last
     edge_shortfall: Array  # (edge capacity, n_levels) f8 of the beams that meet an edge, summed (laser_change)
@@ -147,7 +148,8 @@ def trace_beam(graph: Graph, index: EdgeIndex, beams: Beams, beam: int) -> None:
         distance = beams.beyond[beam]
     beams.impact_edge[beam] = edge
     beams.ray[beam, c.DISTANCE] = distance
-    beams.ray[beam, c.BEAM_LOG_LIKELIHOOD] = beam_log_likelihood(beams.model, beams.ray[beam, c.RANGE], distance)
+    ray = beams.ray[beam]
+    ray[c.BEAM_LOG_LIKELIHOOD] = beam_log_likelihood(beams.model, beams.weight[beam], ray[c.RANGE], distance)
 
 
 @core

@@ -36,9 +36,9 @@ def censored_log_likelihood(model: Array, bound: float, distance: float) -> floa
 
 
 @core
-def beam_log_likelihood(model: Array, reading: float, distance: float) -> float:
+def beam_log_likelihood(model: Array, weight: float, reading: float, distance: float) -> float:
     """What a beam adds to the log likelihood: the log of its density (:func:`log_density`) times its weight."""
-    return model[c.WEIGHT] * log_density(model, reading, distance)
+    return weight * log_density(model, reading, distance)
 
 
 @core

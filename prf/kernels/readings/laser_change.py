@@ -72,7 +72,7 @@ def nearest_new_edge(ray: Array, proposal: Proposal) -> tuple[int, float]:
 def enter_touched(beams: Beams, n: int, beam: int, edge: int, distance: float) -> float:
     """Enter a beam with its new impact as the n-th touched one; return the change of its log likelihood."""
     ray = beams.ray[beam]
-    new = beam_log_likelihood(beams.model, ray[c.RANGE], distance)
+    new = beam_log_likelihood(beams.model, beams.weight[beam], ray[c.RANGE], distance)
     beams.mark[beam] = n
     beams.touched[n] = beam
     beams.touched_edge[n] = edge

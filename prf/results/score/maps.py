@@ -286,15 +286,21 @@ def contours_of(grid: OccupancyGrid) -> BaseGeometry:
     return area_of_cells(grid.occupancy > OCCUPIED, grid.origin, grid.resolution)
 
 
-def poses_of_run(path: str | os.PathLike[str], log: str) -> dict[str, Any]:
-    """Return the settings, by name, of the file of poses with which the RUN `path` read the same log; empty without."""
+def poses_of_run(path: str | os.PathLike[str], logs: Sequence[str]) -> dict[str, Any]:
+    """Return the settings, by name, of the files of poses with which the RUN `path` read the same logs, else {}."""
     if not Path(path).is_dir():
         return {}
     manifest = read_run_data(path, parts=()).manifest
     own = {name: manifest["configuration"].get(name) for name in POSE_SETTINGS}
-    if own["poses"] is None or (digest := describe_input(log)["sha256"]) is None:
+    files = [own["poses"]] if isinstance(own["poses"], str) else own["poses"] or []
+    if not files or "extends" in manifest:  # which has settings of the last logs alone
         return {}
-    return own if any(row["sha256"] == digest for row in manifest["inputs"]) else {}
+    places = {row["sha256"]: place for place, row in enumerate(manifest["inputs"]) if row["sha256"] is not None}
+    digests = [describe_input(log)["sha256"] for log in logs]
+    if any(digest not in places for digest in digests):
+        return {}
+    # Logs come first among the inputs, in the order of their poses.
+    return own | {"poses": [files[min(places[digest], len(files) - 1)] for digest in digests]}
 
 
 def open_map(path: str | os.PathLike[str]) -> ScoredMap:

@@ -96,9 +96,7 @@ def returns_of_run(run: RunData) -> Returns | None:
         return None
     # Of sampled poses only the readings that the map was made from are known where they were.
     counts = run.counts if run.trajectory is None else None
-    kept = run.manifest["configuration"]
-    settings = {name: kept[name] for name in LaserModel.model_fields if name in kept}
-    return returns_of(run.draws, laser, LaserModel(**settings | {"max_range": laser.max_range}), counts)
+    return returns_of(run.draws, laser, run.laser_model(), counts)
 
 
 def returns_of(draws: Draws, laser: Readings, model: LaserModel, counts: BeamCounts | None = None) -> Returns:

@@ -114,12 +114,17 @@ def first_edges(rays: Floats, segments: Floats, window: Window) -> Floats:
 
     `rays` (n, 5): origin, unit direction and reach; all of them inside the window. `segments` (n_edges, 4).
     """
+    return first_hits(rays, segments, window)[0]
+
+
+def first_hits(rays: Floats, segments: Floats, window: Window) -> tuple[Floats, Ints]:
+    """Return the distances of :func:`first_edges`, and the number (n,) of the segment, NONE for none."""
     grid = index_grid(window, len(segments))
     distance, found = np.empty(len(rays)), np.empty(len(rays), np.int32)
     no_tile, path = np.full(max(len(rays), len(segments)), c.NONE, np.int32), np.empty(most_cells(grid), np.int32)
     limit = np.ascontiguousarray(rays[:, c.MAX_DISTANCE])
     first_segments(list_segments(grid, segments), no_tile, rays, no_tile, limit, path, found, distance)
-    return np.where(found == c.NONE, np.inf, distance)
+    return np.where(found == c.NONE, np.inf, distance), found
 
 
 def index_grid(window: Window, n_edges: int) -> Grid:

@@ -271,7 +271,7 @@ def part_beams(data: TileData, grid: Grid, shared: Shared, capacity: int) -> Bea
     moved = ray.copy()
     moved[:, : c.ORIGIN_Y + 1] += enter[:, None] * ray[:, c.DIRECTION_X : c.DIRECTION_Y + 1]
     moved[:, c.MAX_DISTANCE] = end - enter
-    beams = make_beams(grid, data.laser, moved, capacity, data.target.execution.levels)
+    beams = make_beams(grid, data.laser, moved, data.weight[shared.own], capacity, data.target.execution.levels)
     ray[:, c.MAX_DISTANCE] = end
     # Exits are distances from the sensor, rounded down as before.
     exits = beams.slot_exit + np.repeat(enter, np.diff(beams.slot_start))
@@ -279,7 +279,7 @@ def part_beams(data: TileData, grid: Grid, shared: Shared, capacity: int) -> Bea
     last = beams.slot_start[1:] - 1
     exits[last] = end
     slot_exit = exits.astype(np.float32)
-    near, far = aims_of(data.laser, ray[:, c.RANGE])
+    near, far = aims_of(data.laser, ray[:, c.RANGE], beams.weight)
     aim = np.zeros_like(beams.aim)
     find_aims(near - MARGIN, far + MARGIN, beams.slot_start, slot_exit, aim)
     return beams._replace(ray=ray, beyond=shared.beyond, slot_exit=slot_exit, aim=aim)

@@ -61,6 +61,7 @@ class TileData:
     laser: LaserModel  # models; of no consequence without readings
     sonar: SonarModel  # models; of no consequence without readings
     ray: Floats  # (n, N_RAY): beams as :func:`prf.model.ranges.make_rays` lays them out
+    weight: Floats  # (n,): readings that each stands for
     influence: Floats  # (n,): distance beyond which no obstacle changes the likelihood of the beam, metres
     end: Floats  # (n, 2): point whose tile answers for the beam: where the return lies, or half way without one
     pose: Floats  # (m, N_POSE): sonar readings
@@ -86,6 +87,7 @@ def make_tile_data(target: Target) -> TileData:
         laser=laser,
         sonar=(target.sonar or NO_SONAR).model,
         ray=ray,
+        weight=(target.laser or NO_LASER).readings.weight,
         influence=influence,
         end=ray[:, :2] + answered[:, None] * ray[:, c.DIRECTION_X : c.DIRECTION_Y + 1],
         pose=pose,

@@ -152,10 +152,16 @@ def _parameter(option: tuple[str, Any]) -> inspect.Parameter:
 
 def _refuse_shared_stream(parameters: Sequence[inspect.Parameter], given: Mapping[str, Any]) -> None:
     """Raise UsageError if more than one input is standard input."""
-    shared = [each for each in parameters if given[each.name] == STREAM and each.name != "output"]
+    inputs = [each for each in parameters if each.name != "output"]
+    shared = [each for each in inputs for value in _several(given[each.name]) if value == STREAM]
     if len(shared) > 1:
         streams = (f"{_written(get_args(each.annotation)[-1])} {STREAM}" for each in shared)
         raise UsageError(f"{' '.join(streams)}: standard input can be read once only.")
+
+
+def _several(value: Any) -> list[Any]:
+    """Return the values of an option that may be repeated."""
+    return value if isinstance(value, list) else [value]
 
 
 def _written(option: Any) -> str:
@@ -182,7 +188,7 @@ def _option(tree: type[Tree], place: str, defaults: Mapping[str, Any], shown: st
     field = model.model_fields[name]
     default, words, kind = defaults.get(place, field.default), str(field.description), _type(field.annotation)
     if shown is None:
-        shown = note_of(model, name, "unset") if default is None else _words(default)
+        shown = note_of(model, name, "unset") if default in (None, ()) else _words(default)
     bounds = {side: getattr(each, bound) for each in field.metadata for bound, side in BOUNDS if hasattr(each, bound)}
     option = typer.Option(
         f"{flag}/--no-{flag.removeprefix('--')}" if kind is bool else flag,
@@ -194,11 +200,16 @@ def _option(tree: type[Tree], place: str, defaults: Mapping[str, Any], shown: st
 
 
 def _type(annotation: Any) -> Any:
-    """Return the type of a flag's value: numbers, pairs of numbers and switches as they are, all else as text."""
+    """Return the type of a flag's value: numbers, pairs of numbers and switches as they are, all else as text.
+
+    A flag of several words is repeated.
+    """
+    if get_origin(annotation) is tuple and Ellipsis in get_args(annotation):
+        return list[str]
     if get_origin(annotation) in (Union, UnionType):
         kinds = [each for each in get_args(annotation) if each is not NoneType and get_origin(each) is not Literal]
         return _type(kinds[0]) if len(kinds) == 1 else str
-    if get_origin(annotation) is tuple and Ellipsis not in get_args(annotation):
+    if get_origin(annotation) is tuple:
         return annotation
     return annotation if annotation in (int, float, bool) else str
 

@@ -14,7 +14,7 @@ from prf.kernels.readings.laser_change import FADED
 from prf.kernels.state.chain import Chain
 from prf.model.arak import exact_draws
 from prf.model.coloring import Coloring, black_at
-from prf.model.ranges import aims_of, best_log_likelihood, laser_array, make_rays, window_exit
+from prf.model.ranges import aims_of, best_log_density, laser_array, make_rays, window_exit
 from prf.model.sensors import LaserModel
 from prf.model.window import INTERIOR, Window
 from prf.sampler.target import Execution, Target, laser_data, make_chain
@@ -242,7 +242,8 @@ def test_no_distance_gives_a_reading_more_than_its_best(model: LaserModel) -> No
     """Nor does an obstacle off the aim of a beam help it by more than what the bounds allow for."""
     bounds = -model.max_range * np.array([0.01, 0.3, 0.9, 1.0])
     readings = np.concatenate([np.geomspace(0.01, 0.999 * model.max_range, 40), bounds, [np.inf]])
-    best, (near, far) = best_log_likelihood(model, readings), aims_of(model, readings)
+    ones = np.ones(len(readings))
+    best, (near, far) = model.weight * best_log_density(model, readings), aims_of(model, readings, ones)
     grid = np.append(np.linspace(1e-3, model.max_range, 4001), np.inf)
     highest = -np.inf
     for i, reading in enumerate(readings.tolist()):

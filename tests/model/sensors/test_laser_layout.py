@@ -15,7 +15,7 @@ from prf.kernels.state.grid import Grid
 from prf.model.ranges import (
     MARGIN,
     aims_of,
-    best_log_likelihood,
+    best_log_density,
     deal_levels,
     laser_array,
     make_beams,
@@ -76,14 +76,14 @@ def test_the_best_of_a_reading_is_just_above_what_any_distance_gives(sensor: Sen
     readings = np.concatenate([deviations * sensor.noise, np.array([0.2, 0.5, 0.9]) * sensor.max])
     readings = readings[readings < sensor.max]
     wide = sensor.max < 20.0 * sensor.spread(sensor.max)
-    for r, best in zip(readings, best_log_likelihood(model_of(sensor), readings), strict=True):
+    for r, best in zip(readings, best_log_density(model_of(sensor), readings), strict=True):
         around = r + np.linspace(-1.0, 1.0, 801) * sensor.spread(r)
         d = np.concatenate([around[around > 0.0], np.geomspace(1e-3, 1.0, 200) * r, [r]])
         s = np.maximum(sensor.noise, sensor.relative * d)
         highest = float(np.log(sensor.outlier / sensor.max + sensor.hit * normal(r, d, s) / special.ndtr(d / s)).max())
         slack = math.log(2.0) if wide or r < 20.0 * sensor.spread(r) else 0.0
         assert highest < best <= highest + slack + sensor.relative**2 + 1e-6
-    (silent,) = best_log_likelihood(model_of(sensor), np.array([np.inf]))
+    (silent,) = best_log_density(model_of(sensor), np.array([np.inf]))
     assert math.log(sensor.miss + sensor.hit) < silent < math.log(sensor.miss + sensor.hit) + 1e-8
 
 
@@ -91,17 +91,17 @@ def test_the_best_of_a_reading_is_just_above_what_any_distance_gives(sensor: Sen
 def test_an_aim_ends_where_hits_fade(sensor: Sensor) -> None:
     model, readings = model_of(sensor), np.array([0.02, 0.5, 7.0])
     z = model.deviation_where_hits_are(FADED)
-    near, far = aims_of(model, readings)
+    near, far = aims_of(model, readings, np.ones(len(readings)))
     assert (readings - near) / np.maximum(sensor.noise, sensor.relative * near) == pytest.approx(np.full(3, z))
     if z * sensor.relative < 1.0:
         assert (far - readings) / np.maximum(sensor.noise, sensor.relative * far) == pytest.approx(np.full(3, z))
     else:
         assert np.isinf(far).all()
-    assert np.isinf(aims_of(model, np.array([np.inf]))).all()
+    assert np.isinf(aims_of(model, np.array([np.inf]), np.ones(1))).all()
 
 
 def test_wide_noise_is_aimed_everywhere() -> None:
-    near, far = aims_of(LaserModel(6.0, noise=2.0), np.array([1.0, 5.0]))
+    near, far = aims_of(LaserModel(6.0, noise=2.0), np.array([1.0, 5.0]), np.ones(2))
     assert (near.tolist(), far.tolist()) == ([-math.inf] * 2, [math.inf] * 2)
 
 
@@ -127,7 +127,7 @@ def beams(n_levels: int | None = None, readings: np.ndarray = READINGS) -> Beams
     leaves = np.array([2.5, 1.5, 2.5, 1.5])
     assert ray[:, c.RANGE].tolist() == np.where(readings < leaves, readings, -leaves).tolist()
     assert not ray[:, c.BEAM_LOG_LIKELIHOOD].any()
-    return make_beams(GRID, LaserModel(8.0), ray, 10, n_levels)
+    return make_beams(GRID, LaserModel(8.0), ray, np.ones(len(ray)), 10, n_levels)
 
 
 def test_slots_are_the_cells_in_their_order() -> None:

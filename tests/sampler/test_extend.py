@@ -1,0 +1,164 @@
+"""Runs that go on from others: their readings, windows and first maps, what is refused, and what a moved wall does."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shapely
+
+import prf
+from prf.configuration import Configuration
+from prf.model.coloring import Coloring, black_at, from_polygons, occupied_polygons
+from prf.model.window import Window
+from prf.output.run import Run
+from prf.readings import Readings
+from prf.results import RunData
+from prf.results.disputes import disputes
+from prf.sampler.continued import continued_map
+from prf.sampler.extend import last_maps, prepare_extension
+from prf.sampler.prepare import Prepared
+from prf.shell.errors import ConfigError, InputError
+from tests.factories import make_run
+from tests.reference.beams import Sensor, draw_readings, impacts
+
+SENSOR = Sensor(30.0, noise=0.03, outlier=0.02, miss=0.02)
+WINDOW = (0.0, 0.0, 10.0, 8.0)
+QUICK = {"chains": 2, "threads": 1, "progress": False, "seed": 1}
+
+
+def hall(width: float = 9.0, cupboard: float | None = None) -> Coloring:
+    """A room up to x = `width`, with a cupboard at this x along its lower wall if there is one."""
+    window = Window(0.0, 0.0, max(width + 1.0, 10.0), 8.0)
+    free = shapely.box(1.0, 1.0, width, 7.0)
+    if cupboard is not None:
+        free = free.difference(shapely.box(cupboard, 0.5, cupboard + 1.0, 2.0))
+    return from_polygons(shapely.box(*window).difference(free), window)
+
+
+def scans(world: Coloring, places: list[tuple[float, float]], seed: int, source: str = "log") -> Readings:
+    origin = np.repeat(np.array(places), 120, axis=0)
+    angle = np.tile(np.linspace(-np.pi, np.pi, 120, endpoint=False), len(places))
+    distance = impacts(world, origin, angle, SENSOR.max)
+    readings = draw_readings(SENSOR, distance, np.random.default_rng(seed))
+    number = np.repeat(np.arange(len(places)), 120)
+    return Readings.from_arrays(origin, angle, readings, scan=number, source=source)
+
+
+MODEL = prf.LaserModel(30.0, noise=0.03, noise_relative=0.0, outlier_probability=0.02, miss_probability=0.02)
+MORNING = [(2.0, 3.0), (3.0, 4.0), (4.0, 5.0), (3.0, 2.5)]
+EVENING = [(6.0, 3.0), (7.0, 4.0), (8.0, 5.0), (7.0, 2.5)]
+
+
+@pytest.fixture(scope="module")
+def morning() -> Run:
+    return sample(scans(hall(), MORNING, 1, "morning"))
+
+
+def sample(readings: Readings, steps: int = 60_000, extend: Run | None = None, **more: object) -> Run:
+    settings = Configuration.of(window=WINDOW)
+    sensors = MODEL if extend is None else ()
+    return prf.sample(readings, sensors=sensors, config=settings, steps=steps, extend=extend, **(QUICK | more))  # type: ignore[arg-type]
+
+
+def test_it_has_the_readings_of_both_and_says_where_from(morning: Run) -> None:
+    evening = scans(hall(), EVENING, 2, "evening")
+    run = sample(evening, extend=morning)
+    assert run.laser is not None
+    assert morning.laser is not None
+    own = run.laser.log == 0
+    np.testing.assert_array_equal(run.laser.range[own], morning.laser.range)
+    assert (run.laser.log[~own] == 1).all()
+    assert run.laser.scan[~own].min() == morning.laser.scan.max() + 1
+    assert run.manifest["logs"] == {"laser": ["morning", "evening"]}
+    assert run.manifest["extends"]["seed"] == 1
+    assert run.manifest["configuration"]["noise"] == 0.03
+    assert tuple(run.draws.window) == WINDOW
+    assert disputes(run) == []
+
+
+def test_its_first_maps_are_the_last_of_each_chain(morning: Run) -> None:
+    maps = last_maps(morning, 4)
+    rows = [np.flatnonzero(morning.chain == chain) for chain in (0, 1)]
+    for k in (0, 1):
+        np.testing.assert_array_equal(maps[k].xy, morning.draws[int(rows[k][-1])].xy)
+        assert not np.array_equal(maps[2 + k].xy, maps[k].xy)
+
+
+def prepared(run: RunData, readings: Readings, window: tuple[float, ...] = WINDOW) -> Prepared:
+    stored = Configuration.of(**run.manifest["configuration"])
+    return prepare_extension(run, stored.replace(window=window, tiles=None), readings, None, None)
+
+
+def test_a_map_that_nothing_contradicts_goes_on_to_the_last_bit(morning: Run) -> None:
+    found = prepared(morning, scans(hall(), MORNING, 3))
+    assert found.earlier is not None
+    start = continued_map(found.earlier.maps[0], found.earlier, found.target)
+    before = occupied_polygons(found.earlier.maps[0])
+    walls = before.intersection(shapely.box(0.9, 0.9, 4.0, 7.1))
+    assert shapely.area(occupied_polygons(start).symmetric_difference(before).intersection(walls.buffer(0.05))) < 0.02
+
+
+def test_what_new_beams_show_of_new_ground_is_there_from_the_start() -> None:
+    """A longer hall than the first window: its wall at 9 m was never there."""
+    run = sample(scans(hall(), MORNING, 1))
+    wide = hall(17.0)
+    found = prepared(run, scans(wide, [(10.5, 3.0), (12.0, 4.0), (14.0, 5.0)], 4), (0.0, 0.0, 18.0, 8.0))
+    assert found.earlier is not None
+    start = continued_map(found.earlier.maps[0], found.earlier, found.target)
+    assert not black_at(start, found.target.laser.readings.origin).any()  # type: ignore[union-attr]
+    assert shapely.dwithin(occupied_polygons(start), shapely.Point(17.0, 4.0), 0.05)
+    assert not black_at(start, [[15.0, 4.0], [12.0, 6.5]]).any()
+    assert found.target.seen is not None
+    assert found.counts is not None
+
+
+def test_a_wall_that_moved_is_followed_and_named() -> None:
+    """A cupboard that many scans saw is gone: the map follows the more of them, and says which log contradicts."""
+    before = sample(scans(hall(cupboard=5.0), [(4.0, 4.0), (6.5, 4.0)], 1, "before"), 200_000)
+    assert before.query([[5.5, 1.7]])[0] > 0.9
+    after = scans(hall(), [(x, y) for x in (3.0, 4.5, 5.5, 6.5, 8.0) for y in (3.0, 4.0, 5.0)], 2, "after")
+    for forget in (False, True):
+        run = sample(after, 200_000, before, forget=forget)
+        assert run.query([[5.5, 1.7]])[0] < 0.1
+        assert ("forgotten" in run.manifest) is forget
+        [dispute] = [each for each in disputes(run) if abs(each.x - 5.5) < 1.0 and each.y < 3.0][:1]
+        assert dispute.log == "log 1 (before)"
+        assert dispute.n_readings >= 8
+
+
+def test_an_extended_run_resumes_as_if_never_stopped(morning: Run, tmp_path: Path) -> None:
+    evening = scans(hall(), EVENING, 2, "evening")
+    for name, steps in (("whole", 80_000), ("parts", 40_000)):
+        sample(evening, steps, morning, output=tmp_path / name, forget=True)
+    prf.resume(tmp_path / "parts", steps=80_000, threads=1, progress=False)
+    whole, parts = (prf.read_run(tmp_path / name) for name in ("whole", "parts"))
+    np.testing.assert_array_equal(whole.draws.xy, parts.draws.xy)
+    assert parts.manifest["extends"] == whole.manifest["extends"]
+    assert parts.manifest["forgotten"]["n_beams"] == 480
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        ({"noise": 0.05}, "noise 0.05: the run to extend has 0.03"),
+        ({"scale": 0.2}, "scale 0.2: the run to extend has 0.1"),
+        ({"pose_noise": (0.1, 0.1)}, "pose_noise"),
+        ({"frame": "odom"}, "frame odom: the run to extend has None"),
+        ({"window": (0.0, 0.0, 5.0, 8.0)}, "must hold the run's, 0 0 10 8"),
+    ],
+)
+def test_other_settings_than_its_own_are_refused(morning: Run, settings: dict[str, object], words: str) -> None:
+    with pytest.raises(ConfigError, match=words):
+        prf.sample(scans(hall(), EVENING, 2), config=Configuration.of(**settings), steps=1, extend=morning, **QUICK)
+
+
+def test_runs_that_cannot_be_gone_on_from() -> None:
+    readings, run = scans(hall(), EVENING, 2), make_run(n_draws=0)
+    with pytest.raises(InputError, match="no draws yet to go on from"):
+        prepare_extension(run, Configuration(), readings, None, None)
+    bare = dataclasses.replace(make_run(), laser=None)
+    with pytest.raises(InputError, match=r"readings\.npz"):
+        prepare_extension(bare, Configuration(), readings, None, None)

@@ -1,0 +1,119 @@
+"""What remains of readings that are let go: the same likelihood about the walls of the draws, and free ground."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+import shapely
+from numpy.typing import NDArray
+
+from prf.kernels.state.grid import make_grid
+from prf.model.coloring import Coloring, Draws, from_polygons
+from prf.model.ranges import unit_vectors
+from prf.model.window import Window
+from prf.readings import Readings
+from prf.readings.ground import count_beams
+from prf.results import RunData
+from prf.sampler import forget
+from prf.sampler.forget import forgetting
+from tests.reference.beams import Sensor, draw_readings, impacts, log_likelihoods_in
+
+WINDOW = Window(0.0, 0.0, 10.0, 8.0)
+SENSOR = Sensor(20.0, noise=0.03, outlier=0.05, miss=0.02)
+SEED = 20261128
+
+
+def room(right: float = 9.0, door: float = 0.0) -> Coloring:
+    """A room whose right wall stands at `right`, with a door in it of this width."""
+    walls = shapely.box(*WINDOW).difference(shapely.box(1.0, 1.0, right, 7.0))
+    return from_polygons(walls.difference(shapely.box(right, 4.0 - 0.5 * door, 9.8, 4.0 + 0.5 * door)), WINDOW)
+
+
+def beams(rng: np.random.Generator, n_scans: int = 12) -> Readings:
+    origin = np.repeat(rng.uniform((2.0, 2.0), (8.0, 6.0), (n_scans, 2)), 180, axis=0)
+    angle = np.tile(np.linspace(-np.pi, np.pi, 180, endpoint=False), n_scans)
+    readings = draw_readings(SENSOR, impacts(room(), origin, angle, SENSOR.max), rng)
+    return Readings.from_arrays(origin, angle, readings, scan=np.repeat(np.arange(n_scans), 180)).within(SENSOR.max)
+
+
+def run_of(rng: np.random.Generator, n_draws: int = 40) -> RunData:
+    """Draws that know where the right wall stands within 2 mm."""
+    maps = [room(9.0 + off) for off in rng.normal(0.0, 0.002, n_draws).tolist()]
+    model = {"noise": 0.03, "noise_relative": 0.0, "outlier_probability": 0.05, "miss_probability": 0.02}
+    return RunData(
+        manifest={"configuration": model},
+        draws=Draws.from_colorings(maps, WINDOW),
+        chain=np.zeros(n_draws, np.int32),
+        step=np.arange(n_draws, dtype=np.int64),
+        functionals={},
+        laser=beams(rng),
+    )
+
+
+def log_likelihood(readings: Readings, coloring: Coloring) -> float:
+    own = log_likelihoods_in(coloring, SENSOR, readings.origin, readings.angle, readings.range)
+    return float(readings.weight @ np.array(list(own)))
+
+
+def profile(readings: Readings, offs: NDArray[np.float64]) -> NDArray[np.float64]:
+    """What the log likelihood loses as the right wall moves away from where the draws have it, nats."""
+    return np.array([log_likelihood(readings, room(9.0 + off)) for off in offs]) - log_likelihood(readings, room())
+
+
+def test_a_wall_is_known_as_well_and_the_ground_as_free_as_before() -> None:
+    """The slope and the curvature across the wall within a nat; a wall that is gone costs as much."""
+    run = run_of(np.random.default_rng(SEED))
+    assert run.laser is not None
+    found, told = forgetting(run, run.laser)
+    assert found.n_beams < 0.6 * run.laser.n_beams
+    assert told["forgotten"]["n_kept"] == found.n_beams
+    assert told["forgotten"]["nats"] < 0.5
+    offs = np.array([-0.006, -0.003, 0.003, 0.006])
+    whole, left = profile(run.laser, offs), profile(found, offs)
+    np.testing.assert_allclose(left, whole, atol=1.0)
+    np.testing.assert_allclose(profile(found, np.array([0.5])), profile(run.laser, np.array([0.5])), rtol=0.15)
+    grid = make_grid(*WINDOW, 0.25)
+    passes = [
+        count_beams(grid, WINDOW, each.origin, each.angle, each.range, each.max_range)[0] for each in (run.laser, found)
+    ]
+    seen = passes[0] > 0
+    assert (passes[1] >= np.minimum(passes[0], 2))[seen].mean() > 0.98
+
+
+def test_beams_that_are_dropped_alone_lose_what_is_known(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The control: those that stay at their own weight and reading hold the wall less."""
+    run = run_of(np.random.default_rng(SEED))
+    assert run.laser is not None
+    found, _ = forgetting(run, run.laser)
+    alone = dataclasses.replace(found, weight=np.ones(found.n_beams))
+    off = np.array([-0.02, 0.02])
+    assert (profile(alone, off) > 0.8 * profile(run.laser, off)).all()
+    assert (np.abs(profile(found, off) - profile(run.laser, off)) < 0.1 * np.abs(profile(run.laser, off))).all()
+
+
+def test_what_draws_do_not_agree_on_is_kept_for_what_it_is() -> None:
+    """Beams to a wall that stands in half of the draws alone stand for themselves."""
+    rng = np.random.default_rng(SEED)
+    run = run_of(rng)
+    maps = [room(9.0 if i % 4 < 2 else 8.9, door=2.0 * (i % 4 < 2)) for i in range(40)]
+    run = dataclasses.replace(run, draws=Draws.from_colorings(maps, WINDOW))
+    assert run.laser is not None
+    evidence = forget.Evidence(run, run.laser)
+    x, y = (run.laser.origin + run.laser.range[:, None] * unit_vectors(run.laser.angle)).T
+    hits_it = (np.abs(x - 9.0) < 0.05) & (np.abs(y - 4.0) < 2.5)
+    assert hits_it.sum() > 100
+    assert not evidence.hit[hits_it].any()
+    assert evidence.hit[~hits_it].mean() > 0.8
+
+
+def test_forgetting_again_changes_little() -> None:
+    """So many readings of a place stay, however often it is gone on from."""
+    run = run_of(np.random.default_rng(SEED))
+    assert run.laser is not None
+    once, _ = forgetting(run, run.laser)
+    again, _ = forgetting(dataclasses.replace(run, laser=once), once)
+    assert 0.8 * once.n_beams <= again.n_beams <= once.n_beams
+    offs = np.array([-0.006, 0.006])
+    np.testing.assert_allclose(profile(again, offs), profile(run.laser, offs), atol=1.5)
