@@ -108,7 +108,11 @@ def plain(target: Target, rng: np.random.Generator, threads: int) -> Answer:
 
 def by_sampler(target: Target, rng: np.random.Generator, threads: int, plan: LadderPlan | None) -> Answer:
     """As ``prf sample`` does it, from the white map."""
-    sampler = Ensemble(target, rng.spawn(N_CHAINS), plan=plan, threads=threads)
+    return until_agreed(Ensemble(target, rng.spawn(N_CHAINS), plan=plan, threads=threads), threads)
+
+
+def until_agreed(sampler: Ensemble, threads: int) -> Answer:
+    """Double the steps of chains until they agree."""
     goal = FIRST_STEPS
     while True:
         while sampler.step < goal:
