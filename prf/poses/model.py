@@ -206,6 +206,20 @@ class PoseModel:
         disputed = Closures(tail, head, *(each[stays] for each in rest))
         return PoseModel(prior, self.scan[kept], self.time[kept], start, laser, sonar, drawn, disputed=disputed)
 
+    def followed_by(self, other: PoseModel, first_scan: int) -> PoseModel:
+        """Return the model of these poses and those of other logs, whose scans are numbered from `first_scan` on.
+
+        Errors of both are independent and alike; none is of odometry. Chains start at `start`.
+        """
+        n = len(self.scan)
+        given, start, time = (
+            np.concatenate(parts)
+            for parts in ((self.prior.given, other.prior.given), (self.start, other.start), (self.time, other.time))
+        )
+        laser, sonar = (_follow(*parts, n) for parts in ((self.laser, other.laser), (self.sonar, other.sonar)))
+        scan = np.concatenate([self.scan, other.scan + first_scan])
+        return PoseModel(self.prior._replace(given=given), scan, time, start, laser, sonar)
+
     def placed(self, laser: Readings | None, sonar: Readings | None, poses: Floats) -> list[Readings | None]:
         """Return readings of a laser and a sonar, those of this model, as they are with the states at `poses`."""
         found: list[Readings | None] = []
@@ -262,6 +276,15 @@ def _rows(local: LocalReadings | None, rows: NDArray[np.int64]) -> LocalReadings
     if local is None or len(rows) == 0:
         return None
     return LocalReadings(local.owner[rows], local.origin[rows], local.angle[rows])
+
+
+def _follow(one: LocalReadings | None, other: LocalReadings | None, n: int) -> LocalReadings | None:
+    """Return readings of both; the states of the second come after `n` of the first."""
+    later = None if other is None else other._replace(owner=other.owner + np.int32(n))
+    if one is None or later is None:
+        return one or later
+    owner = np.concatenate([one.owner, later.owner])
+    return LocalReadings(owner, np.concatenate([one.origin, later.origin]), np.concatenate([one.angle, later.angle]))
 
 
 def _states(readings: Readings) -> _States:

@@ -13,11 +13,14 @@ import logging
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from prf.configuration import Configuration
 from prf.model.coloring import Coloring
 from prf.model.layout import image_grid, pixel_centres
 from prf.model.window import Window
+from prf.poses.model import LocalReadings, PoseModel
+from prf.poses.plane import seen_from
 from prf.readings import Kind, LogNotes, PointTable, Readings, join_logs
 from prf.readings.ground import seen_cells, thin_beams
 from prf.readings.several import warn_of_frames
@@ -83,20 +86,20 @@ def prepare_extension(
 
     `forget`: let readings of the run go where its draws agree (:mod:`prf.sampler.forget`).
     """
-    image = _check(run)
-    before = dataclasses.replace(run, laser=_named(run, "laser"), sonar=_named(run, "sonar"))
+    image = _check(run, forget)
+    placed = run.placed()
+    before = dataclasses.replace(placed, laser=_named(placed, "laser"), sonar=_named(placed, "sonar"))
     new = prepare_whole(config, laser, sonar, observed, run.draws.window)
     if before.laser is not None and new.target.laser is not None:
         warn_of_frames([before.laser, new.target.laser.readings])
     kept, forgotten = (before.laser, {}) if not forget or before.laser is None else forgetting(run, before.laser)
     beams = _joined(kept, new.target.laser)
-    thinned = None if beams is None else _thinned(beams, new.config)
+    rows = np.zeros(0, np.int64) if beams is None else _thinned(beams, new.config)
     n_thinned = new.n_beams_thinned + int(run.manifest.get("n_beams_thinned", 0))
-    if beams is not None and thinned is not None:
-        n_thinned += beams.n_beams - thinned.n_beams
-    target, resolved = _target(before, image, new, thinned, config.sampler.tiles)
+    n_thinned += 0 if beams is None else beams.n_beams - len(rows)
+    target, resolved = _target(before, image, new, None if beams is None else beams.select(rows), config.sampler.tiles)
     return new._replace(
-        target=target,
+        target=dataclasses.replace(target, poses=_joined_poses(run, new.target, rows)),
         config=resolved,
         n_beams_thinned=n_thinned,
         counts=new.counts if run.counts is None else run.counts.joined(new.counts, target.window),
@@ -147,7 +150,28 @@ def last_maps(run: RunData, n_chains: int) -> tuple[Coloring, ...]:
     return tuple(Coloring(*run.draws[int(rows[-1 - each])]) for rows, each in zip(picked, back, strict=True))
 
 
-def _check(run: RunData) -> PosteriorImage:
+def _joined_poses(run: RunData, new: Target, rows: NDArray[np.int64]) -> PoseModel | None:
+    """Return the uncertain poses of a run, which start at their means, and of new readings; None of certain ones.
+
+    `rows`: beams of all that are kept.
+    """
+    found = run.trajectory
+    if found is None or found.prior is None or new.poses is None:
+        return None
+    local: list[LocalReadings | None] = []
+    for readings, owner in ((run.laser, found.laser), (run.sonar, found.sonar)):
+        if readings is None or owner is None:
+            local.append(None)
+            continue
+        seen = seen_from(found.given[owner], np.column_stack([readings.origin, readings.angle]))
+        local.append(LocalReadings(owner, np.ascontiguousarray(seen[:, :2]), seen[:, 2].copy()))
+    before = PoseModel(found.prior, found.scan, found.time, found.mean, laser=local[0], sonar=local[1])
+    model = before.followed_by(new.poses, 1 + int(found.scan.max(initial=-1)))
+    n_cones = 0 if model.sonar is None else len(model.sonar.owner)
+    return model.used(rows, np.arange(n_cones))
+
+
+def _check(run: RunData, forget: bool) -> PosteriorImage:
     """Return the image of a run that can be gone on from."""
     if len(run.draws) == 0:
         raise InputError(f"{run.name}: no draws yet to go on from. Resume it with prf sample --resume.")
@@ -155,8 +179,13 @@ def _check(run: RunData) -> PosteriorImage:
         raise run.missing(names.POSTERIOR)
     if run.laser is None and run.sonar is None and run.points is None:
         raise run.missing(names.READINGS)
-    if run.trajectory is not None:
-        raise ConfigError(f"{run.name}: its poses were sampled; only a run with given poses is extended.")
+    poses = run.trajectory
+    if poses is not None and (poses.prior is None or len(poses.prior.motion) > 0):
+        raise ConfigError(f"{run.name}: its poses are of odometry, which says nothing of those of other logs.")
+    if poses is not None and forget:
+        raise ConfigError(
+            f"{run.name}: its poses were sampled, and readings are let go of given ones. Leave out forget."
+        )
     return run.image
 
 
@@ -179,14 +208,14 @@ def _joined(before: Readings | None, new: Any) -> Readings | None:
     return joined.within(parts[0].max_range)
 
 
-def _thinned(beams: Readings, config: Configuration) -> Readings:
-    """Return the beams of all logs thinned as those of one would be, but for those that stand for others."""
+def _thinned(beams: Readings, config: Configuration) -> NDArray[np.int64]:
+    """Return which beams of all logs stay, as of one they would; all that stand for others do."""
     window, density = Window(*(config.prior.window or ())), config.thinning.beam_density or 0.0
     alone = np.flatnonzero(beams.weight == 1.0)
     origin, angle, ranges = (each[alone] for each in (beams.origin, beams.angle, beams.range))
     kept = beams.weight != 1.0
     kept[alone[thin_beams(window, origin, angle, ranges, beams.max_range, density)]] = True
-    return beams.where(kept)
+    return np.flatnonzero(kept)
 
 
 def _joined_points(before: PointTable | None, new: PointTable | None) -> PointTable | None:

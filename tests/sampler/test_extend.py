@@ -140,6 +140,31 @@ def test_an_extended_run_resumes_as_if_never_stopped(morning: Run, tmp_path: Pat
     assert parts.manifest["forgotten"]["n_beams"] == 480
 
 
+def test_sampled_poses_of_both_sessions_go_on() -> None:
+    rng = np.random.default_rng(5)
+    shifted = scans(hall(), MORNING, 1, "morning")
+    off = rng.normal(0.0, 0.02, (len(MORNING), 2))
+    shifted = dataclasses.replace(shifted, origin=shifted.origin + off[shifted.scan])
+    first = sample(shifted, pose_noise=(0.03, 0.005))
+    run = sample(scans(hall(), EVENING, 2, "evening"), extend=first)
+    assert run.trajectory is not None
+    assert first.trajectory is not None
+    assert run.laser is not None
+    assert run.trajectory.scan.tolist() == list(range(8))
+    np.testing.assert_array_equal(run.trajectory.given[:4], first.trajectory.given)
+    np.testing.assert_array_equal(run.laser.origin[run.laser.log == 0], shifted.origin)
+    assert (run.trajectory.laser == run.laser.scan).all()
+    error = run.trajectory.mean[:4, :2] - run.trajectory.given[:4, :2] + off
+    # Where they lie together is not known better than they were given.
+    assert error.std(axis=0).max() < 0.6 * off.std(axis=0).min()
+    with pytest.raises(ConfigError, match="its poses were sampled"):
+        sample(scans(hall(), EVENING, 2), extend=first, forget=True)
+    assert first.trajectory.prior is not None
+    driven = first.trajectory.prior._replace(motion=np.zeros((3, 3)))
+    with pytest.raises(ConfigError, match="its poses are of odometry"):
+        prepared(dataclasses.replace(first, trajectory=dataclasses.replace(first.trajectory, prior=driven)), shifted)
+
+
 @pytest.mark.parametrize(
     ("settings", "words"),
     [

@@ -14,7 +14,7 @@ from prf.sampler import Ensemble
 from prf.sampler.continued import Earlier
 from prf.sampler.target import LaserData, Target, Tuning
 from tests.driving import advance
-from tests.statistical.problems import N_BEAMS, ROOM, SCALE, laser_problem
+from tests.statistical.problems import N_BEAMS, ROOM, laser_problem
 from tests.statistical.sbc import LEAST_AGREED, Arm, run_arm
 from tests.statistical.ways import N_CHAINS, Answer, until_agreed
 
@@ -55,11 +55,17 @@ def extended(target: Target, rng: np.random.Generator, threads: int) -> Answer:
 
 
 def test_ranks_of_the_truth_after_a_second_session_are_uniform() -> None:
-    """Of the number of edges, length, area, colours, densities; the first window is a part of the second."""
-    assert SCALE > 0.0
-    found = run_arm(Arm("laser, extended", laser_problem, extended), N_WORLDS, SEED, 1)
+    """Of the number of edges, length, area, colours, densities; the first window is a part of the second.
+
+    One quantity of nine leaves its band of 99 % by chance in 9 % of all tests; the same one again in other worlds in
+    0.1 %.
+    """
+    arm = Arm("laser, extended", laser_problem, extended)
+    found = run_arm(arm, N_WORLDS, SEED, 1)
     assert found.agreed >= LEAST_AGREED, found.words()
-    assert not found.outside(), found.words()
+    if found.outside():
+        again = run_arm(arm, N_WORLDS, SEED + 1, 1)
+        assert not found.outside().keys() & again.outside().keys(), found.words() + again.words()
 
 
 def test_ranks_notice_readings_that_are_taken_twice() -> None:
