@@ -6,7 +6,8 @@ Run it from the repository's root::
 
 Each session takes `--seconds`, the one run five times as long. Scans 5, 15, 25 ... are held out. Columns: beams kept,
 nats by which forgetting changes the log likelihood, steps a second, memory; then scores, and on how many of 200 places
-(100 anywhere that was seen, 100 within 0.1 m of a wall) the intervals of a run overlap with those of the one.
+(100 anywhere that was seen, 100 within 0.1 m of a wall) the intervals of a run overlap with those of the one. With
+`--logs drive` a simulated office is driven through eight times, with forgetting: what is kept must not grow.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ import numpy as np
 import shapely
 
 from benchmarks import commands
-from benchmarks.commands import log_path, prf, say
+from benchmarks.commands import log_path, made, prf, say
 from prf.output.run import Run, read_run
 
 SESSIONS = 5
@@ -31,6 +32,7 @@ HELD_OUT = "5::10"
 CHAINS = 2
 PLACES = 100
 MAX_RANGE = {"intel": 40.0}
+DRIVE, DRIVES, WORLD_SEED = "drive", 8, 3
 
 
 def n_scans(log: Path) -> int:
@@ -62,6 +64,19 @@ def chain_of_sessions(log: Path, folder: Path, seconds: float, seed: int, forget
         scans = f"{n * k // SESSIONS}:{n * (k + 1) // SESSIONS}"
         rows.append(sampled(log, folder / str(k), scans, seconds, seed + k, *words))
         say(f"{folder.name}, session {k + 1}: {rows[-1]}")
+    return rows
+
+
+def endless(folder: Path, seconds: float, seed: int) -> list[dict[str, Any]]:
+    """Drive through one simulated office again and again, each time gone on from and forgotten; return a row each."""
+    made("simulate", folder / "world", size=[16, 12], seed=WORLD_SEED)
+    rows = []
+    for k in range(DRIVES):
+        made("simulate", folder / f"drive-{k}", world=folder / "world" / "truth.geojson", seed=WORLD_SEED + 1 + k)
+        words = [] if k == 0 else ["--extend", str(folder / str(k - 1)), "--forget"]
+        log = folder / f"drive-{k}" / "laser.log.gz"
+        rows.append(sampled(log, folder / str(k), ":", seconds, seed + k, *words))
+        say(f"drive {k + 1}: {rows[-1]}")
     return rows
 
 
@@ -106,8 +121,11 @@ def main() -> int:
     asked = commands.parser(__doc__, 60.0)
     asked.add_argument("--logs", nargs="+", default=["intel", "aces", "freiburg-101"])
     options = commands.parse(asked)
-    result = {}
+    result: dict[str, Any] = {}
     for name in options.logs:
+        if name == DRIVE:
+            result[name] = endless(options.output / "sessions" / name, options.seconds, options.seed)
+            continue
         log = log_path(options.data, name)
         if log is not None:
             result[name] = compare(log, name, options.output / "sessions" / name, options.seconds, options.seed)

@@ -37,6 +37,11 @@ logger = logging.getLogger(__name__)
 
 NEAR = 0.2
 """Metres from ground that a run saw up to which it knows what stands there."""
+MOST_BEAMS = 20_000
+"""Beams with which a run goes on that forgets, about; of new ones at least :data:`LEAST_ROOM` all the same."""
+LEAST_ROOM = 0.2
+FIRST_DENSITY, LESS = 64.0, 0.8
+"""Beams a square metre where thinning begins if none is asked for, and by what it is lowered until it will do."""
 KEPT = ("prior", "laser", "sonar", "points", "thinning", "driven", "trajectory")
 """Tables of which an extension has the values of its run; but for the window."""
 
@@ -94,7 +99,7 @@ def prepare_extension(
         warn_of_frames([before.laser, new.target.laser.readings])
     kept, forgotten = (before.laser, {}) if not forget or before.laser is None else forgetting(run, before.laser)
     beams = _joined(kept, new.target.laser)
-    rows = np.zeros(0, np.int64) if beams is None else _thinned(beams, new.config)
+    rows = np.zeros(0, np.int64) if beams is None else _thinned(beams, new.config, MOST_BEAMS if forget else np.inf)
     n_thinned = new.n_beams_thinned + int(run.manifest.get("n_beams_thinned", 0))
     n_thinned += 0 if beams is None else beams.n_beams - len(rows)
     target, resolved = _target(before, image, new, None if beams is None else beams.select(rows), config.sampler.tiles)
@@ -208,14 +213,19 @@ def _joined(before: Readings | None, new: Any) -> Readings | None:
     return joined.within(parts[0].max_range)
 
 
-def _thinned(beams: Readings, config: Configuration) -> NDArray[np.int64]:
-    """Return which beams of all logs stay, as of one they would; all that stand for others do."""
+def _thinned(beams: Readings, config: Configuration, most: float) -> NDArray[np.int64]:
+    """Return which beams of all logs stay, as of one they would, and `most` at most; all that stand for others do."""
     window, density = Window(*(config.prior.window or ())), config.thinning.beam_density or 0.0
     alone = np.flatnonzero(beams.weight == 1.0)
     origin, angle, ranges = (each[alone] for each in (beams.origin, beams.angle, beams.range))
-    kept = beams.weight != 1.0
-    kept[alone[thin_beams(window, origin, angle, ranges, beams.max_range, density)]] = True
-    return np.flatnonzero(kept)
+    stays = beams.weight != 1.0
+    room = max(most - np.count_nonzero(stays), LEAST_ROOM * len(alone))
+    chosen = thin_beams(window, origin, angle, ranges, beams.max_range, density)
+    while len(chosen) > room:
+        density = LESS * (density or FIRST_DENSITY)
+        chosen = thin_beams(window, origin, angle, ranges, beams.max_range, density)
+    stays[alone[chosen]] = True
+    return np.flatnonzero(stays)
 
 
 def _joined_points(before: PointTable | None, new: PointTable | None) -> PointTable | None:

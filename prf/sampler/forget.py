@@ -2,18 +2,16 @@
 
 A beam is settled where every draw explains it alike: a return by a wall of which the draws know the place within the
 noise, no return by ground that is free in all of them. Of settled beams so many stay as show all ground that was seen.
-Those that stay take over what the others say: on each stretch of a wall the same information on its place across
-(for normal errors the sum of w cos^2 / s^2 with its mean), in free ground the same weight. So the likelihood keeps
-its slope and its curvature about the walls of the draws, and later readings can still move a wall, or show that it is
-gone.
-What no draw explains is thinned, and stands for nothing but itself.
+Those that stay take over what the others say: on each stretch of a wall the slope and the curvature of the log
+likelihood as the wall moves across (for normal errors of beams at angles a the sum of w / (s cos a)^2 with its mean),
+in free ground the weight. So later readings can still move a wall, or show that it is gone. What no draw explains is
+thinned, and stands for nothing but itself.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import logging
-import math
 from typing import Any
 
 import numpy as np
@@ -26,6 +24,7 @@ from prf.readings import Readings
 from prf.readings.ground import Passages, draw_evenly, strata_of, weights
 from prf.results import RunData
 from prf.results.score.scene import first_edges, first_hits
+from prf.shell.errors import InputError
 
 logger = logging.getLogger(__name__)
 
@@ -35,6 +34,8 @@ Ints = NDArray[np.int64]
 
 DENSITY = 2.0
 """Settled beams a square metre of seen ground that stay."""
+FEWEST_DRAWS = 16
+"""Draws of a run that can say what is settled."""
 MOST_DRAWS = 48
 """Draws that must agree, and as many others by which the error is measured."""
 EXPLAINED = 4.0
@@ -60,6 +61,11 @@ OPEN = 4.0
 
 def forgetting(run: RunData, laser: Readings) -> tuple[Readings, dict[str, Any]]:
     """Return readings of a run's laser that stand for all of them, and what its manifest says of it."""
+    if len(run.draws) < FEWEST_DRAWS:
+        raise InputError(
+            f"{run.name}: {len(run.draws)} draws are too few to tell what is settled ({FEWEST_DRAWS}). Sample it "
+            "longer, or leave out forget."
+        )
     evidence = Evidence(run, laser)
     found, error = evidence.condensed()
     logger.info(
@@ -91,7 +97,8 @@ class Evidence:
         explained = self.returned & (np.abs(reading - agreeing) <= EXPLAINED * spread)
         distance, edge = first_hits(self.ray, reference, self.window)
         met = edge != c.NONE
-        along = reference[edge, 2:] - reference[edge, :2]
+        wall = np.vstack([reference, [0.0, 0.0, 1.0, 0.0]])[edge]  # the last stands for none
+        along = wall[:, 2:] - wall[:, :2]
         length = np.hypot(*along.T)
         direction = self.ray[:, c.DIRECTION_X : c.DIRECTION_Y + 1]
         cosine = np.abs(direction[:, 0] * along[:, 1] - direction[:, 1] * along[:, 0]) / length
@@ -102,7 +109,7 @@ class Evidence:
         self.stray: Bools = self.returned & ~explained.any(axis=0)
         self.mean, self.spread = near.mean(axis=0), spread.mean(axis=0)
         end = self.ray[:, :2] + np.where(met, distance, 0.0)[:, None] * direction
-        place = ((end - reference[edge, :2]) * along).sum(axis=1) / length
+        place = ((end - wall[:, :2]) * along).sum(axis=1) / length
         off = (near - self.mean) * self.cosine
         self.stretch, apart = np.full(len(self.ray), c.NONE, np.int64), self.hit.copy()
         for metres in STRETCHES:
@@ -113,6 +120,8 @@ class Evidence:
             apart &= ~alike
         self.hit &= ~apart
         self.stretch[self.hit] = np.unique(self.stretch[self.hit], return_inverse=True)[1]
+        square = np.column_stack([np.floor(self._ends() / SQUARE).astype(np.int64), self.free])
+        self.square = np.unique(square, axis=0, return_inverse=True)[1].reshape(-1)
 
     def _move_alike(self, off: Floats, stretch: Ints, chosen: Bools) -> Bools:
         """Return which beams find from draw to draw that their stretch of wall as a whole has moved.
@@ -133,11 +142,9 @@ class Evidence:
         kept = self._chosen(laser.weight * plain)
         weight, reading = laser.weight.copy(), laser.range.copy()
         rest = ~(self.hit | self.stray)
-        squares = np.floor(self._ends() / SQUARE).astype(np.int64)
-        square = np.unique(np.column_stack([squares, self.free]), axis=0, return_inverse=True)[1].reshape(-1)
         for group, chosen, value, own in (
             (self.stretch, self.hit, curvature, laser.weight * plain),
-            (square, rest, laser.weight, laser.weight),
+            (self.square, rest, laser.weight, laser.weight),
         ):
             some = chosen & kept
             total, left = (
@@ -145,7 +152,7 @@ class Evidence:
                 np.bincount(group[some], own[some], group.max() + 1),
             )
             weight[some] *= total[group[some]] / left[group[some]]
-        n = self.stretch.max() + 1
+        n = max(int(self.stretch.max()), 0) + 1
         pull, hold = (np.bincount(self.stretch[self.hit], v[self.hit], n) for v in (slope, curvature))
         gone = np.bincount(self.stretch[self.hit & ~kept], minlength=n) > 0
         standing = self.hit & kept & gone[self.stretch]
@@ -187,11 +194,10 @@ class Evidence:
                 rows = rows[draw_evenly(strata, weights(strata, budget))]
             kept[rows] = True
         passages.complete(kept)
-        best = np.lexsort((-information, self.stretch))
-        best = best[self.hit[best]]
-        first = best[np.unique(self.stretch[best], return_index=True)[1]]
-        lacking = np.bincount(self.stretch[self.hit & kept], minlength=self.stretch.max() + 1) == 0
-        kept[first[lacking[self.stretch[first]]]] = True
+        for group, chosen in ((self.stretch, self.hit), (self.square, ~(self.hit | self.stray))):
+            best = np.lexsort((-information, ~kept, group))
+            best = best[chosen[best]]
+            kept[best[np.unique(group[best], return_index=True)[1]]] = True  # one of each, if none is kept so far
         return kept
 
     def _error(self, found: Readings, kept: Bools) -> float:
@@ -200,7 +206,7 @@ class Evidence:
         ray = make_rays(self.window, self.model, found.origin, found.angle, found.range)
         before = np.array([self.laser.weight @ self._log_density(self.ray[:, c.RANGE], each) for each in other])
         after = np.array([found.weight @ self._log_density(ray[:, c.RANGE], each[kept]) for each in other])
-        return float(np.std(after - before, ddof=1)) * self.model.weight if len(other) > 1 else math.inf
+        return float(np.std(after - before, ddof=1)) * self.model.weight
 
     def _log_density(self, readings: Floats, distance: Floats) -> Floats:
         total = np.zeros(len(readings))

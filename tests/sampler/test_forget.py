@@ -18,6 +18,7 @@ from prf.readings.ground import count_beams
 from prf.results import RunData
 from prf.sampler import forget
 from prf.sampler.forget import forgetting
+from prf.shell.errors import InputError
 from tests.reference.beams import Sensor, draw_readings, impacts, log_likelihoods_in
 
 WINDOW = Window(0.0, 0.0, 10.0, 8.0)
@@ -106,6 +107,20 @@ def test_what_draws_do_not_agree_on_is_kept_for_what_it_is() -> None:
     assert hits_it.sum() > 100
     assert not evidence.hit[hits_it].any()
     assert evidence.hit[~hits_it].mean() > 0.8
+
+
+def test_runs_without_a_wall_or_with_few_draws() -> None:
+    rng = np.random.default_rng(SEED)
+    run = run_of(rng)
+    assert run.laser is not None
+    silent = dataclasses.replace(run.laser, range=np.full(run.laser.n_beams, np.inf))
+    empty = dataclasses.replace(run, draws=Draws.from_colorings([Coloring.empty(WINDOW)] * 40, WINDOW), laser=silent)
+    found, told = forgetting(empty, silent)
+    assert found.n_beams < silent.n_beams
+    assert found.weight.sum() == pytest.approx(silent.n_beams)
+    assert told["forgotten"]["nats"] < 1e-6
+    with pytest.raises(InputError, match="3 draws are too few"):
+        forgetting(run_of(rng, 3), run.laser)
 
 
 def test_forgetting_again_changes_little() -> None:
