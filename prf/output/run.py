@@ -39,6 +39,8 @@ from prf.shell.cli.pictures import card
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+    from prf.results.explore import Exploration
+    from prf.results.explore.search import By
     from prf.results.score.returns import Returns
 
 Part = TypeVar("Part")
@@ -203,6 +205,46 @@ class Run(RunData):
         list of :class:`prf.results.disputes.Dispute`
         """
         return disputes(self)
+
+    def explore(
+        self,
+        start: ArrayLike | None = None,
+        target: ArrayLike | None = None,
+        *,
+        radius: float = 0.25,
+        by: By = "gain",
+    ) -> Exploration:
+        """Return where to look next: the places from which one scan is expected to settle most (docs/exploration.md).
+
+        Parameters
+        ----------
+        start : (2,) array, optional
+            Where the robot is, metres; where the sensor was last unless given.
+        target : (k, 2) array, optional
+            Corners in metres of a path: places from which to learn whether a disc can follow it. If the last corner is
+            the first, of a region: places from which to learn of its inside. None: all of the window counts.
+        radius : float
+            Of the disc that drives and follows the path, metres.
+        by : {"gain", "gain-per-metre"}
+            What the places are ranked by.
+
+        Returns
+        -------
+        :class:`prf.results.explore.Exploration`
+
+        Raises
+        ------
+        ArgumentError
+            If an array has another shape or is not finite.
+        InputError
+            If there are no draws yet or no readings, the start is not free, no place can be reached, or a corner lies
+            outside the window.
+        """
+        from prf.results.explore import explore  # noqa: PLC0415 - not for every run
+
+        begin = None if start is None else checked("start", start, (2,))
+        asked = None if target is None else checked("target", target, (None, 2))
+        return explore(self, begin, asked, radius, by)
 
     @property
     def best_map(self) -> shapely.MultiPolygon:

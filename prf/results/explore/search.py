@@ -1,0 +1,179 @@
+"""`explore`: the places from which one scan is expected to settle most, best first."""
+
+from __future__ import annotations
+
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from prf.model.coloring import Draws
+from prf.results import names
+from prf.results.convergence import FEWEST_DRAWS, effective_size, pieces
+from prf.results.estimate import LEVEL, PIECES, by_chain
+from prf.results.explore.gain import N_BEAMS
+from prf.results.explore.question import Question, ask, gain_at, rank_places
+from prf.results.explore.reach import Reach, reachable
+from prf.results.explore.scanner import Scanner, first_walls, scanner_of
+from prf.results.run import RunData
+from prf.shell.errors import InputError, UsageError
+
+MOST_DRAWS = 256
+"""Draws that are compared, spread evenly over the chains."""
+MOST_PLACES = 80
+"""Places that are weighed in full: the best of all by a cheap estimate."""
+MOST_DISTANCES = 8_000_000
+"""Beams that are cast at once."""
+LEAST_METRES = 1.0
+"""Of way by which a gain is divided."""
+By = Literal["gain", "gain-per-metre"]
+
+Floats = NDArray[np.float64]
+
+
+class Exploration(NamedTuple):
+    """Places to look from, best first, one row each.
+
+    Attributes
+    ----------
+    xy : (n, 2) float64
+        Metres.
+    theta : (n,) float64
+        Heading from which the sensor sees most of what is to be seen there, radians.
+    gain : (n,) float64
+        Expected drop, by one scan, of the summed entropies of cells, or of the entropy of the answer: nats.
+    low, high : (n,) float64
+        The gain in ever longer chains lies between them at 95 %.
+    metres : (n,) float64
+        Length of the way from the start.
+    gain_per_metre : (n,) float64
+        Nats a metre of that way, of one metre at least.
+    p_free : (n,) float64
+        Probability that the disc can follow all of that way.
+    ways : tuple of (k, 2) float64
+        The ways, from the start to each place, metres.
+    entropy : float
+        What is to be settled, as it is: the sum of entropies, or that of the answer, nats.
+    """
+
+    xy: Floats
+    theta: Floats
+    gain: Floats
+    low: Floats
+    high: Floats
+    metres: Floats
+    gain_per_metre: Floats
+    p_free: Floats
+    ways: tuple[Floats, ...]
+    entropy: float
+
+    def apart(self, metres: float, most: int) -> list[int]:
+        """Return the numbers of the best places, each so many metres from all before it, with a gain that is sure."""
+        kept: list[int] = []
+        for number in np.flatnonzero(self.low > 0.0).tolist():
+            away = np.hypot(*(self.xy[kept] - self.xy[number]).T)
+            if len(kept) < most and (away >= metres).all():
+                kept.append(number)
+        return kept
+
+
+def explore(run: RunData, start: Floats | None, target: Floats | None, radius: float, by: By) -> Exploration:
+    """Return the best places to look from; see :meth:`prf.output.run.Run.explore`."""
+    if len(run.draws) == 0:
+        raise InputError(f"{run.name}: no draws yet: nothing can be estimated. Resume with prf sample --resume.")
+    if not 0.0 < radius < np.inf:
+        raise UsageError(f"radius {radius} m: must be a finite number above 0.")
+    scanner, here = scanner_of(run), last_place(run)
+    if scanner is None or here is None:
+        raise InputError(
+            f"{run.name}: no laser or sonar readings ({names.READINGS}), so neither the sensor nor where it stands is "
+            "known. Sample from a log of readings with prf sample."
+        )
+    begin = here if start is None else start
+    for what, points in (("start", begin[None]), ("target", begin[None] if target is None else target)):
+        outside = ~run.draws.window.contains(points)
+        if outside.any():
+            x, y = points[int(outside.argmax())]
+            raise InputError(f"{what}: ({x:g}, {y:g}) lies outside the window of {run.name}, where nothing is known.")
+    draws, n_chains = thinned(run.draws, run.chain)
+    reach = reachable(draws, begin, radius)
+    question = ask(draws, n_chains, target, radius)
+    return _ranked(question, draws, reach, scanner, run.smallest_ess, by)
+
+
+def last_place(run: RunData) -> Floats | None:
+    """Return where the sensor, or the middle of the ring, was last (2,), metres; None without readings."""
+    readings = run.placed().sensors
+    if readings is None or readings.n_beams == 0:
+        return None
+    return np.asarray(np.unique(readings.origin[readings.scan == readings.scan.max()], axis=0).mean(axis=0))
+
+
+def thinned(draws: Draws, chain: NDArray[np.int32], most: int = MOST_DRAWS) -> tuple[Draws, int]:
+    """Return draws spread evenly over the chains, equally many of each, chain by chain, and the number of chains."""
+    rows = by_chain(np.arange(len(draws)), chain)
+    n_chains, n_draws = rows.shape
+    kept = np.unique(np.linspace(0, n_draws - 1, max(1, min(n_draws, most // n_chains))).round().astype(np.int64))
+    return Draws.from_colorings([draws[row] for row in rows[:, kept].ravel().tolist()], draws.window), n_chains
+
+
+def candidates(reach: Reach) -> NDArray[np.int64]:
+    """Return the numbers of the reachable places that are asked: those of the white squares of a board, 0.57 m apart.
+
+    InputError if there is none but the start.
+    """
+    half, odd = np.divmod(reach.lattice, 2)
+    found = np.flatnonzero((odd == 0).all(axis=1) & (half.sum(axis=1) % 2 == 0))
+    if len(found) < 2:
+        x, y = reach.xy[0]
+        raise InputError(
+            f"no place can be reached from ({x:.2f}, {y:.2f}): the disc is too wide, or too little is known to be free. "
+            "Give a smaller --radius, or --from X Y."
+        )
+    return found
+
+
+def _ranked(
+    question: Question, draws: Draws, reach: Reach, scanner: Scanner, smallest_ess: float, by: By
+) -> Exploration:
+    """Return the reachable places in the order of their gains."""
+    segments = [each.segments() for each in draws]
+    metres = np.maximum(reach.metres, LEAST_METRES)
+    places = candidates(reach)
+    cheap = np.empty(len(places))
+    batch = max(1, MOST_DISTANCES // (N_BEAMS * len(draws)))
+    for first in range(0, len(places), batch):
+        xy = reach.xy[places[first : first + batch]]
+        distance = first_walls(segments, draws.window, xy, N_BEAMS, scanner)
+        cheap[first : first + batch] = rank_places(question, distance, xy, scanner)
+    worth = cheap if by == "gain" else cheap / metres[places]
+    places = places[np.argsort(-worth, kind="stable")[:MOST_PLACES]]
+    distance = first_walls(segments, draws.window, reach.xy[places], N_BEAMS, scanner)
+    rows = np.empty((len(places), 4))
+    for number, xy in enumerate(reach.xy[places]):
+        gain, theta = gain_at(question, distance[:, number], xy, scanner)
+        rows[number] = theta, *_with_bounds(gain.astype(np.float64), question.jury.n_chains, smallest_ess)
+    worth = rows[:, 1] if by == "gain" else rows[:, 1] / metres[places]
+    order = np.argsort(-worth, kind="stable")
+    places, (theta_, gain_, low, high) = places[order], rows[order].T
+    ways = tuple(reach.way(place) for place in places.tolist())
+    found = (reach.metres[places], gain_ / metres[places], reach.p_free[places], ways)
+    return Exploration(reach.xy[places], theta_, gain_, low, high, *found, question.entropy)
+
+
+def _with_bounds(gain: Floats, n_chains: int, smallest_ess: float) -> tuple[float, float, float]:
+    """Return the mean of the gains (n,) of truths, chain by chain, and its bounds at 95 %; no gain is less than 0.
+
+    The truths are worth as many as their own effective size and that of the run have it, and chains may differ.
+    """
+    from scipy import special  # noqa: PLC0415 - half a second
+
+    chains, mean = gain.reshape(n_chains, -1, 1), max(float(gain.mean()), 0.0)
+    if chains.shape[1] < FEWEST_DRAWS:
+        return mean, 0.0, float("inf")
+    parts = pieces(chains, max(2, -(-PIECES // n_chains)))
+    variance = gain.var() / min(np.nan_to_num(effective_size(chains)[0], nan=len(gain)), len(gain))
+    for several in (parts, chains) if n_chains > 1 else (parts,):
+        variance = max(variance, several.mean(axis=1).var(ddof=1) / len(several))
+    half = float(special.stdtrit(len(parts) - 1.0, 0.5 * (1.0 + LEVEL)) * np.sqrt(variance))
+    return mean, max(mean - half, 0.0), mean + half
