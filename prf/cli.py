@@ -20,6 +20,7 @@ VERBS: dict[str, str] = {
     "info": "Show what is in a log: scans, beams, extent, ranges, and what looks suspicious.",
     "prior": "Draw maps from the prior, exactly or by Markov chain.",
     "query": "Query how probably points, squares or a path are occupied or free.",
+    "explore": "Find where to look next: places from which one scan is expected to settle most.",
     "inspect": "Show what a result is, how it was made, and the state of its files.",
     "config": "Show all settings as a settings file, or list presets.",
     "grid": "Build an occupancy grid, the baseline, from localized readings.",

@@ -1,6 +1,7 @@
 """Pictures of runs and of maps; matplotlib is imported when a picture is drawn."""
 
 from prf.output.pictures.maps import render_best, render_draws, render_maps
+from prf.output.pictures.places import render_places
 from prf.output.pictures.posterior import plot_posterior, render_beams, render_cells, render_posterior
 
 __all__ = [
@@ -10,5 +11,6 @@ __all__ = [
     "render_cells",
     "render_draws",
     "render_maps",
+    "render_places",
     "render_posterior",
 ]
