@@ -1,8 +1,8 @@
 """Where to look next: `prf explore` beside random places, the nearest frontier and the information of a grid.
 
-    python -m benchmarks.explore poses [SEED ...]    # predicted and realised gains in half mapped buildings
-    python -m benchmarks.explore drive [SEED ...]    # metres until a robot knows 95 % of what it can reach
-    python -m benchmarks.explore table               # of what the other two have written
+python -m benchmarks.explore poses [SEED ...]    # predicted and realised gains in half mapped buildings
+python -m benchmarks.explore drive [SEED ...]    # metres until a robot knows 95 % of what it can reach
+python -m benchmarks.explore table               # of what the other two have written
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from prf.configuration import LaserPhysics
 from prf.output.run import Run
 from prf.readings import Readings
 from prf.results.explore.gain import N_BEAMS
-from prf.results.explore.question import ask, cells_of, entropy_of, gain_at
+from prf.results.explore.question import ask, cells_of, gain_at
 from prf.results.explore.reach import reachable
 from prf.results.explore.scanner import first_walls, scanner_of
 from prf.results.explore.search import candidates, thinned
@@ -64,10 +64,9 @@ class Building(NamedTuple):
         return self._replace(pose=np.vstack([self.pose, pose]), ranges=np.vstack([self.ranges, more]))
 
     def sampled(self, seed: int, steps: int) -> Run:
-        window = tuple(self.world.window)
         return prf.sample(
             self.readings(),
-            prf.Prior(window=window),
+            prf.Prior(window=self.world.window),
             [prf.LaserModel(max_range=PHYSICS.max_range)],
             steps=steps,
             chains=4,
@@ -169,7 +168,7 @@ def judge(seed: int, folder: Path) -> dict[str, Any]:
     cell = cells_of(building.world.window)
     truth, rooms = ~building.world.free_at(cell), unseen_rooms(building, runs[0], cell)
 
-    kept: dict[str, Floats] = {"cell": cell, "truth": truth, "rooms": rooms}
+    kept: dict[str, Any] = {"cell": cell, "truth": truth, "rooms": rooms}
 
     def measured(several: list[Run], name: str) -> Measured:
         p = [averaged(run, cell) for run in several]
@@ -258,20 +257,26 @@ def table(folder: Path) -> None:
             continue
         pooled = [(row["predicted"], row["realised"]) for one in rows for row in one["rows"].values()]
         within = [spearmanr([(r["predicted"], r["realised"]) for r in one["rows"].values()])[0] for one in rows]
-        say(f"{len(rows)} buildings, {len(pooled)} poses: rank correlation {spearmanr(pooled)[0]:.3f}, "
-            f"mean within buildings {np.nanmean(within):.3f}; entropy {np.mean([one['entropy'] for one in rows]):.0f}")
+        say(
+            f"{len(rows)} buildings, {len(pooled)} poses: rank correlation {spearmanr(pooled)[0]:.3f}, "
+            f"mean within buildings {np.nanmean(within):.3f}; entropy {np.mean([one['entropy'] for one in rows]):.0f}"
+        )
         print("| chosen by | predicted | realised | nll of unseen rooms | metres | n |")
         for name in ("prf explore", "grid information", "nearest frontier", "random"):
             some = [row for one in rows for key, row in one["rows"].items() if key.startswith(name)]
             columns = [np.array([row[key] for row in some]) for key in ("predicted", "realised", "nll", "metres")]
             error = columns[1].std(ddof=1) / len(some) ** 0.5
-            print(f"| {name} | {columns[0].mean():.1f} | {columns[1].mean():.1f} ± {error:.1f} | "
-                  f"{columns[2].mean():.4f} | {columns[3].mean():.1f} | {len(some)} |")
+            print(
+                f"| {name} | {columns[0].mean():.1f} | {columns[1].mean():.1f} ± {error:.1f} | "
+                f"{columns[2].mean():.4f} | {columns[3].mean():.1f} | {len(some)} |"
+            )
     for path in sorted(folder.glob("drive-*.json")):
         one = json.loads(path.read_text())
         done = next((f"{metres:.1f} m" for metres, share in one["track"] if share >= KNOWN), "not reached")
-        print(f"{path.stem}: {done}, {len(one['track']) - 1} legs, known {one['track'][-1][1]:.3f} "
-              f"after {one['track'][-1][0]:.1f} m")
+        print(
+            f"{path.stem}: {done}, {len(one['track']) - 1} legs, known {one['track'][-1][1]:.3f} "
+            f"after {one['track'][-1][0]:.1f} m"
+        )
 
 
 def main() -> int:
@@ -291,7 +296,9 @@ def main() -> int:
             path = options.output / f"{options.part}-{seed}{'-' + how.replace(' ', '-') if how else ''}.json"
             if not path.exists():
                 begin = time.perf_counter()
-                path.write_text(json.dumps(judge(seed, options.output) if options.part == "poses" else drive(seed, how)))
+                path.write_text(
+                    json.dumps(judge(seed, options.output) if options.part == "poses" else drive(seed, how))
+                )
                 say(f"{path}, {time.perf_counter() - begin:.0f} s")
     return 0
 

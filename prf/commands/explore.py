@@ -30,15 +30,15 @@ def explore(
     target: Annotated[
         str | None,
         typer.Option(
-            "--for", metavar="PATH.csv", help="What to settle: corners x,y of a path, or of a region if the last is the first."
+            "--for",
+            metavar="PATH.csv",
+            help="What to settle: corners x,y of a path, or of a region if the last is the first.",
         ),
     ] = None,
     radius: Annotated[
         float, typer.Option("--radius", metavar="METRES", help="Radius of the disc that drives, and follows the path.")
     ] = 0.25,
-    by: Annotated[
-        Literal["gain", "gain-per-metre"], typer.Option("--by", help="What places are ranked by.")
-    ] = "gain",
+    by: Annotated[Literal["gain", "gain-per-metre"], typer.Option("--by", help="What places are ranked by.")] = "gain",
     places: Annotated[int, typer.Option("--places", metavar="N", min=1, help="How many rows at most.")] = 20,
     picture: Annotated[
         str | None, typer.Option("--picture", metavar="FILE", help="Draw them over the posterior: png, svg or pdf.")

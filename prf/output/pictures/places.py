@@ -78,9 +78,16 @@ def draw_places(axes: Axes, found: Exploration) -> None:
         axes.annotate(
             "",
             place,
-            LENGTH * ahead,
+            tuple(LENGTH * ahead),
             textcoords="offset points",
-            arrowprops={"arrowstyle": "<|-", "color": colour, "linewidth": 2.4, "mutation_scale": 15, "shrinkA": 0, "shrinkB": 0},
+            arrowprops={
+                "arrowstyle": "<|-",
+                "color": colour,
+                "linewidth": 2.4,
+                "mutation_scale": 15,
+                "shrinkA": 0,
+                "shrinkB": 0,
+            },
             zorder=4.5,
         )
         axes.plot(*place, marker="o", markersize=7.0, color=colour, markeredgecolor="white", zorder=4.6)
@@ -88,7 +95,7 @@ def draw_places(axes: Axes, found: Exploration) -> None:
         axes.annotate(
             f"{gain:.0f}" if gain >= 10.0 else f"{gain:.2g}",
             place,
-            -(11.0 + 5.0 * abs(ahead[0])) * ahead,
+            tuple(-(11.0 + 5.0 * abs(ahead[0])) * ahead),
             textcoords="offset points",
             ha="center",
             va="center",

@@ -16,11 +16,14 @@ from prf.poses.truth import TrueErrors
 from prf.readings import log_stem
 from prf.results import RunData, map_text, names
 from prf.results.convergence import Diagnosis, range_words, time_words
+from prf.results.explore import explore
 from prf.shell.cli.files import encoded, open_output
 from prf.shell.cli.page import escape, packed_json, page, table
 from prf.shell.cli.pictures import counted, number, window_words
 from prf.shell.errors import InputError
 
+APART, MOST_PLACES = 1.5, 6
+"""Metres between places to look from, and how many are shown."""
 SCRIPTS = ("draws.js", "estimate.js", "map.js", "report.js")
 
 
@@ -69,7 +72,20 @@ def _data(run: RunData, draws: Numbers, cells: Numbers, scene: Numbers) -> dict[
         "cells": cells.head,
         "scene": scene.head,
         "map": _best_map(run),
+        "places": places_of(run),
     }
+
+
+def places_of(run: RunData) -> list[dict[str, float]]:
+    """Return the best places to look from, as `prf explore` finds them; none where it finds nothing to say."""
+    try:
+        found = explore(run)
+    except InputError:  # no readings, or no free ground where the sensor was last: the page has all else to show
+        return []
+    columns = (*found.xy.T, found.theta, found.gain, found.low, found.high, found.metres)
+    names_ = ("x", "y", "theta", "gain", "low", "high", "metres")
+    rows = [column[found.apart(APART, MOST_PLACES)].round(3).tolist() for column in columns]
+    return [dict(zip(names_, row, strict=True)) for row in zip(*rows, strict=True)]
 
 
 def _best_map(run: RunData) -> str | None:

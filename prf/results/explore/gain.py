@@ -48,7 +48,7 @@ Ints = NDArray[np.int64]
 
 
 class Jury(NamedTuple):
-    """Draws that are asked, each in turn the truth: n of them, chain by chain in equal numbers; c cells, or one answer."""
+    """Draws that are asked, each in turn the truth: n, chain by chain in equal numbers; of c cells, or one answer."""
 
     black: Floats  # (n, c) 0 or 1
     silence: Floats  # (n, n) SILENT where the second may not speak when the first is the truth, else 0
@@ -74,7 +74,7 @@ def make_jury(black: Bools, n_chains: int) -> Jury:
 
 
 def sector_of(offset: NDArray[np.float64]) -> Ints:
-    """Return the sector (n,) of directions (n, 2) from a place; sector s has its middle at s N_SECTORS-ths of a turn."""
+    """Return the sector (n,) of directions (n, 2) from a place; that of s has its middle at s N_SECTORS-ths of a turn."""
     turn = np.arctan2(offset[:, 1], offset[:, 0]) / (2.0 * math.pi)
     return np.asarray(np.rint(turn * N_SECTORS).astype(np.int64) % N_SECTORS)
 

@@ -106,7 +106,7 @@ def rank_places(question: Question, distance: NDArray[np.float32], places: Float
         met = distance[:, number, np.rint(N_BEAMS * turn).astype(np.int64) % N_BEAMS]
         outcome = (met > away - 0.5 * CELL).astype(np.int8) + (met > away + 0.5 * CELL)
         gain = np.maximum(outcome_gain(question.black[:, near], outcome), 0.0)
-        by_sector = np.bincount(sector_of(offset), gain, N_SECTORS)
+        by_sector = np.asarray(np.bincount(sector_of(offset), gain, N_SECTORS), np.float64)
         found[number] = by_sector[best_view(by_sector, scanner.field_of_view)[1]].sum()
     return found
 

@@ -18,7 +18,7 @@ STEP = 0.2
 LEAST_FREE = 0.9
 """Share of draws in which the disc can follow the whole way to a place."""
 DETOUR = 10.0
-"""Metres of way that are driven rather than lose all draws: a way that is free in more of them may be so much longer."""
+"""Metres of way that are driven rather than lose all draws: a way that is free in more of them may be longer."""
 EDGES_AT_ONCE = 20_000
 TINY = 1e-300
 NEIGHBOURS = tuple((i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if (i, j) != (0, 0))
@@ -113,8 +113,8 @@ def reachable(draws: Draws, start: Floats, radius: float) -> Reach:
     begin = path_free_in_draws(draws, start[None], radius)
     if begin.mean() < LEAST_FREE:
         raise InputError(
-            f"start ({start[0]:.2f}, {start[1]:.2f}): a disc of radius {radius:g} m is free there in {begin.mean():.2f} "
-            f"of the draws, less than {LEAST_FREE:g}. Give a smaller --radius, or --from X Y in free ground."
+            f"start ({start[0]:.2f}, {start[1]:.2f}): a disc of radius {radius:g} m is free there in "
+            f"{begin.mean():.2f} of the draws, less than {LEAST_FREE:g}. Give a smaller --radius, or --from X Y."
         )
     lattice, most = make_lattice(draws, start, radius), len(draws)
     queue: list[tuple[float, float, Place, int, int]] = [(0.0, 0.0, (0, 0), bits(begin), -1)]

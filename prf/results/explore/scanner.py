@@ -98,7 +98,9 @@ def field_of_view(readings: Readings) -> tuple[float, int]:
     return max(view, step), max(1, round(view / step))
 
 
-def first_walls(segments: list[Floats], window: Window, places: Floats, n_beams: int, scanner: Scanner) -> Floats:
+def first_walls(
+    segments: list[Floats], window: Window, places: Floats, n_beams: int, scanner: Scanner
+) -> NDArray[np.float32]:
     """Return how far each beam of a whole turn sees from each place in each map, (n_maps, n_places, n_beams) float32.
 
     `segments`: of each map, (n_edges, 4). `places` (n_places, 2). Metres; inf: no wall within the range or the window.
@@ -112,4 +114,5 @@ def first_walls(segments: list[Floats], window: Window, places: Floats, n_beams:
     for number, edges in enumerate(segments):
         found[number] = first_edges(rays, edges, window).reshape(len(places), n_beams)
     aside = int(0.5 * scanner.cone * n_beams / (2.0 * math.pi))
-    return np.minimum.reduce([np.roll(found, shift, axis=2) for shift in range(-aside, aside + 1)])
+    within = [np.roll(found, shift, axis=2) for shift in range(-aside, aside + 1)]
+    return np.asarray(np.minimum.reduce(within), np.float32)

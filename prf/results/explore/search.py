@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -12,20 +13,24 @@ from prf.results import names
 from prf.results.convergence import FEWEST_DRAWS, effective_size, pieces
 from prf.results.estimate import LEVEL, PIECES, by_chain
 from prf.results.explore.gain import N_BEAMS
-from prf.results.explore.question import Question, ask, gain_at, rank_places
+from prf.results.explore.question import CELL, Question, ask, gain_at, rank_places
 from prf.results.explore.reach import Reach, reachable
 from prf.results.explore.scanner import Scanner, first_walls, scanner_of
 from prf.results.run import RunData
 from prf.shell.errors import InputError, UsageError
 
-MOST_DRAWS = 256
-"""Draws that are compared, spread evenly over the chains."""
+MOST_DRAWS, LEAST_DRAWS = 256, 64
+"""Draws that are compared, spread evenly over the chains; as few in large windows."""
+MOST_COLOURS = 32_000_000
+"""Cells times draws, about, up to which they are not fewer: 10 bytes each."""
 MOST_PLACES = 80
 """Places that are weighed in full: the best of all by a cheap estimate."""
 MOST_DISTANCES = 8_000_000
 """Beams that are cast at once."""
 LEAST_METRES = 1.0
 """Of way by which a gain is divided."""
+RADIUS = 0.25
+"""Of the disc that drives, metres, unless given."""
 By = Literal["gain", "gain-per-metre"]
 
 Floats = NDArray[np.float64]
@@ -77,7 +82,13 @@ class Exploration(NamedTuple):
         return kept
 
 
-def explore(run: RunData, start: Floats | None, target: Floats | None, radius: float, by: By) -> Exploration:
+def explore(
+    run: RunData,
+    start: Floats | None = None,
+    target: Floats | None = None,
+    radius: float = RADIUS,
+    by: By = "gain",
+) -> Exploration:
     """Return the best places to look from; see :meth:`prf.output.run.Run.explore`."""
     if len(run.draws) == 0:
         raise InputError(f"{run.name}: no draws yet: nothing can be estimated. Resume with prf sample --resume.")
@@ -95,10 +106,11 @@ def explore(run: RunData, start: Floats | None, target: Floats | None, radius: f
         if outside.any():
             x, y = points[int(outside.argmax())]
             raise InputError(f"{what}: ({x:g}, {y:g}) lies outside the window of {run.name}, where nothing is known.")
-    draws, n_chains = thinned(run.draws, run.chain)
+    most = int(MOST_COLOURS * CELL**2 / run.draws.window.area)
+    draws, n_chains = thinned(run.draws, run.chain, min(max(most, LEAST_DRAWS), MOST_DRAWS))
     reach = reachable(draws, begin, radius)
     question = ask(draws, n_chains, target, radius)
-    return _ranked(question, draws, reach, scanner, run.smallest_ess, by)
+    return _ranked(question, draws, reach, scanner, by)
 
 
 def last_place(run: RunData) -> Floats | None:
@@ -127,15 +139,13 @@ def candidates(reach: Reach) -> NDArray[np.int64]:
     if len(found) < 2:
         x, y = reach.xy[0]
         raise InputError(
-            f"no place can be reached from ({x:.2f}, {y:.2f}): the disc is too wide, or too little is known to be free. "
-            "Give a smaller --radius, or --from X Y."
+            f"no place can be reached from ({x:.2f}, {y:.2f}): the disc is too wide, or too little is known to be "
+            "free. Give a smaller --radius, or --from X Y."
         )
     return found
 
 
-def _ranked(
-    question: Question, draws: Draws, reach: Reach, scanner: Scanner, smallest_ess: float, by: By
-) -> Exploration:
+def _ranked(question: Question, draws: Draws, reach: Reach, scanner: Scanner, by: By) -> Exploration:
     """Return the reachable places in the order of their gains."""
     segments = [each.segments() for each in draws]
     metres = np.maximum(reach.metres, LEAST_METRES)
@@ -152,7 +162,9 @@ def _ranked(
     rows = np.empty((len(places), 4))
     for number, xy in enumerate(reach.xy[places]):
         gain, theta = gain_at(question, distance[:, number], xy, scanner)
-        rows[number] = theta, *_with_bounds(gain.astype(np.float64), question.jury.n_chains, smallest_ess)
+        rows[number] = theta, *_with_bounds(gain.astype(np.float64), question.jury.n_chains)
+    if question.is_path:
+        rows[:, 3] = np.minimum(rows[:, 3], math.log(2.0))
     worth = rows[:, 1] if by == "gain" else rows[:, 1] / metres[places]
     order = np.argsort(-worth, kind="stable")
     places, (theta_, gain_, low, high) = places[order], rows[order].T
@@ -161,10 +173,10 @@ def _ranked(
     return Exploration(reach.xy[places], theta_, gain_, low, high, *found, question.entropy)
 
 
-def _with_bounds(gain: Floats, n_chains: int, smallest_ess: float) -> tuple[float, float, float]:
+def _with_bounds(gain: Floats, n_chains: int) -> tuple[float, float, float]:
     """Return the mean of the gains (n,) of truths, chain by chain, and its bounds at 95 %; no gain is less than 0.
 
-    The truths are worth as many as their own effective size and that of the run have it, and chains may differ.
+    The truths are worth as many as their effective size, or less where parts of chains differ by more.
     """
     from scipy import special  # noqa: PLC0415 - half a second
 

@@ -1,9 +1,10 @@
 "use strict";
 // The map on a canvas. look: { base: "posterior" | "returns" | "draw" | "best", draw, outline, path, ellipses, given,
-// readings, differs: bool, tool: "point" | "path", corners: [[x, y]...], radius }
+// readings, differs, places: bool, tool: "point" | "path", corners: [[x, y]...], radius }
 Prf.Map = class {
   constructor(canvas, data, draws, cells, scene, look, onPick) {
     Object.assign(this, { canvas, window: data.window, step: data.step, draws, scene, look, onPick });
+    this.places = data.places;
     this.density = window.devicePixelRatio || 1;
     this.cells = data.cells;
     const n = this.cells.nx * this.cells.ny;
@@ -123,6 +124,7 @@ Prf.Map = class {
     if (look.differs) this.drawCells(pen, this.differing);
     pen.restore();
     this.drawScene(pen, pixel);
+    if (look.places) this.drawPlaces(pen);
     this.drawQuestion(pen);
     this.toPixels(pen, this.step);
     pen.lineWidth = pixel;
@@ -219,6 +221,43 @@ Prf.Map = class {
       dots(scene.path, 3);
       dots(scene.path.slice(0, 2), 9);
     }
+  }
+  // An arrow along the heading from each place to look from, as long on the screen at every zoom, and its gain.
+  drawPlaces(pen) {
+    const factor = this.scale * this.density,
+      unit = this.density;
+    pen.save();
+    pen.lineJoin = pen.lineCap = "round";
+    pen.font = `bold ${13 * unit}px system-ui, sans-serif`;
+    pen.textAlign = "center";
+    pen.textBaseline = "middle";
+    this.places.forEach(({ x, y, theta, gain }, rank) => {
+      pen.resetTransform();
+      pen.translate(this.canvas.width / 2 + (x - this.middle[0]) * factor, this.canvas.height / 2 - (y - this.middle[1]) * factor);
+      pen.rotate(-theta);
+      pen.strokeStyle = "#ffffff";
+      pen.fillStyle = Theme.colour("good");
+      pen.lineWidth = 2 * unit;
+      pen.globalAlpha = rank ? 0.75 : 1;
+      pen.beginPath();
+      for (const [along, aside] of [[0, 2], [18, 2], [18, 7], [31, 0], [18, -7], [18, -2], [0, -2]])
+        pen.lineTo(along * unit, aside * unit);
+      pen.closePath();
+      pen.stroke();
+      pen.fill();
+      pen.beginPath();
+      pen.arc(0, 0, 5 * unit, 0, 7);
+      pen.stroke();
+      pen.fill();
+      pen.translate(-18 * unit, 0);
+      pen.rotate(theta);
+      pen.globalAlpha = 1;
+      pen.lineWidth = 4 * unit;
+      const words = gain >= 10 ? gain.toFixed(0) : String(+gain.toPrecision(2));
+      pen.strokeText(words, 0, 0);
+      pen.fillText(words, 0, 0);
+    });
+    pen.restore();
   }
   drawQuestion(pen) {
     const { corners, radius, tool } = this.look;

@@ -15,7 +15,7 @@
   const look = { base: "posterior", draw: 0, tool: "point", corners: [], radius: 0.25 };
   // A path that was sampled is what to look at.
   byId("path").checked ||= scene.given.length > 0;
-  for (const name of ["outline", "path", "ellipses", "given", "readings", "differs"]) look[name] = byId(name).checked;
+  for (const name of ["outline", "path", "ellipses", "given", "readings", "differs", "places"]) look[name] = byId(name).checked;
 
   // Neighbours on the slider are draws of different chains.
   const order = [...Array(draws.n).keys()].sort(
@@ -63,6 +63,7 @@
     given: scene.given.length,
     readings: scene.returns.length + scene.arcs.length + scene.points.length,
     differs: map.difference.some((_, cell) => map.differs(cell)),
+    places: data.places.length,
   };
   for (const name of Object.keys(has)) {
     byId(name).parentElement.hidden = !has[name];
