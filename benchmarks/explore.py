@@ -29,6 +29,7 @@ from prf.results.explore.question import ask, cells_of, gain_at
 from prf.results.explore.reach import reachable
 from prf.results.explore.scanner import first_walls, scanner_of
 from prf.results.explore.search import candidates, thinned
+from prf.results.occupancy import OccupancyGrid
 from prf.simulate import Roadmap, World, office, plan_drive, roadmap, scans_along, simulate_laser
 from prf.simulate.sensors import bearings_of
 
@@ -36,11 +37,13 @@ TUNED, JUDGED = range(101, 107), range(1, 21)
 DRIVEN = range(1, 5)
 SIZE, DRIVE_SIZE, RADIUS = (12.0, 9.0), (18.0, 12.0), 0.25
 PHYSICS = LaserPhysics(max_range=8.0)
-STEPS, DRIVE_STEPS = 1_000_000, 400_000
+STEPS, DRIVE_STEPS = 1_000_000, 250_000
 N_RANDOM = 2
+FINE, COARSE = 0.1, 0.2
+"""Sides of the cells of grids, metres: fine ones to drive in; coarse ones between which no beam of a scan slips."""
 SEEDS_BEFORE, SEEDS_AFTER = 3, 2
 KNOWN = 0.95
-MOST_LEGS = 30
+MOST_LEGS = 60
 DRIVE_SPACING = (0.5, 0.5)
 
 Floats = NDArray[np.float64]
@@ -57,6 +60,10 @@ class Building(NamedTuple):
 
     def readings(self) -> Readings:
         return prf.laser(self.pose, bearings_of(PHYSICS), self.ranges)
+
+    def grid(self, resolution: float) -> OccupancyGrid:
+        """Return the grid of its readings; the side of a cell in metres."""
+        return grid_of(self.readings(), self.world.window, PHYSICS.max_range, resolution)
 
     def looked(self, pose: Floats) -> Building:
         """Return it after scans at `pose` (k, 3)."""
@@ -130,11 +137,11 @@ def choices(building: Building, run: Run, seed: int) -> dict[str, tuple[Floats, 
     rng = np.random.default_rng(1000 + seed)
     found = run.explore(start, radius=RADIUS)
     poses = {"prf explore": (np.array([*found.xy[0], found.theta[0]]), float(found.metres[0]))}
-    grid = grid_of(building.readings(), tuple(building.world.window), PHYSICS.max_range)
-    information, heading = grid_information(grid, reach.xy[places], scanner.field_of_view, PHYSICS.max_range)
+    coarse = building.grid(COARSE)
+    information, heading = grid_information(coarse, reach.xy[places], scanner.field_of_view, PHYSICS.max_range)
     best = int(information.argmax())
     poses["grid information"] = (np.array([*reach.xy[places[best]], heading[best]]), float(reach.metres[places[best]]))
-    goal = nearest_frontier(grid, start, RADIUS, [])
+    goal = nearest_frontier(building.grid(FINE), start, RADIUS, [])
     question = ask(draws, n_chains, None, RADIUS)
     segments = [each.segments() for each in draws]
 
@@ -192,8 +199,7 @@ def judge(seed: int, folder: Path) -> dict[str, Any]:
 
 def known_share(building: Building) -> float:
     """Return the share of the places that the robot can reach which some beam has passed."""
-    grid = grid_of(building.readings(), tuple(building.world.window), PHYSICS.max_range)
-    return float(grid.image().seen_at(building.road.xy).mean())
+    return float(building.grid(FINE).image().seen_at(building.road.xy).mean())
 
 
 def driven(building: Building, way: Floats) -> tuple[Building, float]:
@@ -234,11 +240,10 @@ def next_way(building: Building, how: str, seed: int, tried: list[Floats]) -> tu
     """Return the way to the next place and the heading there; None: all is known."""
     here = building.pose[-1, :2]
     if how == "frontier":
-        grid = grid_of(building.readings(), tuple(building.world.window), PHYSICS.max_range)
-        goal = nearest_frontier(grid, here, RADIUS, tried)
+        goal = nearest_frontier(building.grid(FINE), here, RADIUS, tried)
         return (None if goal is None else goal.way), None
     run = building.sampled(seed, DRIVE_STEPS)
-    found = run.explore(here, radius=RADIUS, by="gain-per-metre" if how == "a metre" else "gain")
+    found = run.explore(here, radius=RADIUS, by="gain-per-metre")
     for number in range(len(found.gain)):
         new = all(np.hypot(*(found.xy[number] - place)) > 0.5 for place in tried)
         if new and found.metres[number] > 0.3 and found.gain[number] > 1.0:
@@ -290,7 +295,7 @@ def main() -> int:
     if options.part == "table":
         table(options.output)
         return 0
-    ways = ("",) if options.part == "poses" else ("frontier", "a metre", "gain")
+    ways = ("",) if options.part == "poses" else ("frontier", "a metre")
     for seed in options.seeds or (JUDGED if options.part == "poses" else DRIVEN):
         for how in ways:
             path = options.output / f"{options.part}-{seed}{'-' + how.replace(' ', '-') if how else ''}.json"

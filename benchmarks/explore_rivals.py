@@ -22,7 +22,10 @@ Bools = NDArray[np.bool_]
 
 LEAST_FRONTIER = 8
 """Cells of a frontier that is not noise."""
-FREE, TAKEN = 0.35, 0.65
+FREE = 0.35
+"""Probability below which a cell is free."""
+CLOSED = 2
+"""Cells between beams that are no frontier are twice as wide at most."""
 AT_FRONTIER = 0.4
 """Metres from a frontier at which a robot is there."""
 N_BEAMS = 120
@@ -36,10 +39,10 @@ class Goal(NamedTuple):
     metres: float
 
 
-def grid_of(readings: Readings, window: tuple[float, ...], max_range: float) -> OccupancyGrid:
+def grid_of(readings: Readings, window: tuple[float, ...], max_range: float, resolution: float) -> OccupancyGrid:
     """Return what `prf grid` makes of readings."""
     config = Configuration.of(window=window, max_range=max_range)
-    free = config.model_copy(update={"grid": config.grid.replace(no_return="free")})
+    free = config.model_copy(update={"grid": config.grid.replace(no_return="free", resolution=resolution)})
     return build_grid(readings, None, free)[0]
 
 
@@ -48,8 +51,9 @@ def nearest_frontier(grid: OccupancyGrid, start: Floats, radius: float, tried: l
 
     `tried`: ends of ways that brought nothing.
     """
-    free = grid.seen & (grid.occupancy < FREE)
-    unknown = ~grid.seen
+    seen = ndimage.binary_closing(grid.seen, iterations=CLOSED)
+    taken = grid.seen & (grid.occupancy >= FREE)
+    free, unknown = seen & ~taken, ~seen
     edge = free & ndimage.binary_dilation(unknown)
     label, n = ndimage.label(edge, np.ones((3, 3)))
     sizes = np.bincount(label.ravel())
@@ -57,7 +61,7 @@ def nearest_frontier(grid: OccupancyGrid, start: Floats, radius: float, tried: l
     if n == 0 or not edge.any():
         return None
     to_edge = ndimage.distance_transform_edt(~edge) * grid.resolution
-    clear = ndimage.distance_transform_edt(~(grid.seen & (grid.occupancy >= FREE))) * grid.resolution > radius
+    clear = ndimage.distance_transform_edt(~taken) * grid.resolution > radius + grid.resolution
     open_ = clear & free
     begin = cell_at(grid, start)
     open_[begin] = True

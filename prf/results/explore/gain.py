@@ -74,7 +74,7 @@ def make_jury(black: Bools, n_chains: int) -> Jury:
 
 
 def sector_of(offset: NDArray[np.float64]) -> Ints:
-    """Return the sector (n,) of directions (n, 2) from a place; that of s has its middle at s N_SECTORS-ths of a turn."""
+    """Return the sector (n,) of directions (n, 2) from a place; sector s has its middle at s / N_SECTORS of a turn."""
     turn = np.arctan2(offset[:, 1], offset[:, 0]) / (2.0 * math.pi)
     return np.asarray(np.rint(turn * N_SECTORS).astype(np.int64) % N_SECTORS)
 
