@@ -1,6 +1,6 @@
 """How robots usually choose where to look next, on an occupancy grid: the nearest frontier, and mutual information.
 
-Both are given the grid that `prf grid` builds of the same readings, no return counting as free.
+Both are given the grid that `prf grid` builds of the same readings.
 """
 
 from __future__ import annotations
@@ -42,8 +42,8 @@ class Goal(NamedTuple):
 def grid_of(readings: Readings, window: tuple[float, ...], max_range: float, resolution: float) -> OccupancyGrid:
     """Return what `prf grid` makes of readings."""
     config = Configuration.of(window=window, max_range=max_range)
-    free = config.model_copy(update={"grid": config.grid.replace(no_return="free", resolution=resolution)})
-    return build_grid(readings, None, free)[0]
+    chosen = config.model_copy(update={"grid": config.grid.replace(resolution=resolution)})
+    return build_grid(readings, None, chosen)[0]
 
 
 def nearest_frontier(grid: OccupancyGrid, start: Floats, radius: float, tried: list[Floats]) -> Goal | None:

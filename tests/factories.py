@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
+import shapely
 
 from prf.configuration import IN_MANIFEST, SCORE_DEFAULTS, Configuration
 from prf.model.arak import exact_draws
-from prf.model.coloring import Draws, feature_lines
+from prf.model.coloring import Coloring, Draws, feature_lines, from_polygons
+from prf.model.ranges import unit_vectors
 from prf.model.sensors import SonarModel
 from prf.model.window import Window
 from prf.output.run import Run
@@ -16,6 +19,7 @@ from prf.poses.posterior import Trajectory
 from prf.readings import Readings
 from prf.results import PosteriorImage
 from prf.results.estimate import occupied_probability
+from prf.results.score.scene import first_edges
 from prf.shell.cli.settings import load_options
 
 WINDOW = Window(-10.0, -5.0, 30.0, 20.0)
@@ -99,3 +103,33 @@ def make_run(seed: int = 1, n_draws: int = 12, window: Window = WINDOW, resoluti
         best_log_posterior=-123.25,
         diagnostics={"converged": True, "reason": "n_edges: R-hat 1.010, ESS 300"},
     )
+
+
+ROOM = Window(0.0, 0.0, 10.0, 6.0)
+SCREEN = (5.0, 2.0, 5.4, 5.5)
+CUPBOARD = (7.0, 3.6, 9.5, 5.5)
+
+
+def room_with(*boxes: tuple[float, float, float, float], window: Window = ROOM) -> Coloring:
+    """Return a room half a metre inside its window, with black boxes x0, y0, x1, y1 in it, metres."""
+    room = shapely.box(window.x_min + 0.5, window.y_min + 0.5, window.x_max - 0.5, window.y_max - 0.5)
+    walls = shapely.difference(shapely.box(*window), room)
+    return from_polygons(shapely.union_all([walls, *(shapely.box(*box) for box in boxes)]), window)
+
+
+def room_scan(coloring: Coloring, place: tuple[float, float], number: int = 0, n_beams: int = 60) -> Readings:
+    """Return what a laser without errors reads all round from a place, with a range of 8 m."""
+    angle = np.linspace(-np.pi, np.pi, n_beams, endpoint=False)
+    rays = np.column_stack([np.tile(place, (n_beams, 1)), unit_vectors(angle), np.full(n_beams, 8.0)])
+    found = first_edges(rays, coloring.segments(), coloring.window)
+    return Readings.from_arrays(np.tile(place, (n_beams, 1)), angle, found, scan=number).within(8.0)
+
+
+def make_room_run(n_draws: int = 48, seed: int = 1) -> Run:
+    """Return a run of a room half of which a screen hides: there stands a cupboard in half of the draws, or nothing."""
+    run = make_run(n_draws=n_draws, window=ROOM, resolution=0.25)
+    there = np.random.default_rng(seed).random(n_draws) < 0.5
+    maps = [room_with(SCREEN, CUPBOARD) if is_there else room_with(SCREEN) for is_there in there.tolist()]
+    draws = Draws.from_colorings(maps, ROOM)
+    parts = {"draws": draws, "image": make_image(draws, 0.25), "laser": room_scan(maps[0], (2.0, 4.0))}
+    return dataclasses.replace(run, **parts, best=maps[0], chain=np.sort(run.chain))

@@ -15,9 +15,9 @@ if TYPE_CHECKING:
 logger = logging.getLogger(__name__)
 
 EXAMPLES = (
-    "prf explore office",
-    "prf explore office --from 6.6 7.0 --by gain-per-metre -o places.csv --picture places.png",
-    "prf explore office --for path.csv --radius 0.3",
+    "prf explore rooms",
+    "prf explore rooms --from 2.0 4.2 --by gain-per-metre -o places.csv --picture places.png",
+    "prf explore rooms --for path.csv --radius 0.3",
 )
 
 

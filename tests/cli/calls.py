@@ -20,7 +20,7 @@ from prf.model.window import Window
 from prf.results import write_run
 from prf.results.occupancy import write_grid
 from prf.shell.cli.run import run_app
-from tests.factories import make_run, random_draws, write_draws
+from tests.factories import make_room_run, make_run, random_draws, write_draws
 from tests.mapq.factories import wall
 from tests.mapq.labelled import draw_patches
 from tests.mapq.perturb.scenes import look, pose_at
@@ -103,6 +103,7 @@ VERBS = (
     Verb("prf info laser.log", ("laser.log",)),
     Verb("prf query grid.npz --points points.csv", ("grid.npz", "points.csv")),
     Verb("prf query run --path points.csv --radius 0.2", ("points.csv", "run/draws.npz")),
+    Verb("prf explore room -o out.csv --picture out.png", ("room/draws.npz",), ("out.csv", "out.png")),
     Verb("prf inspect run", ("run/manifest.json",)),
     Verb("prf inspect draws.geojsonl", ("draws.geojsonl",)),
     Verb("prf config show set.toml", ("set.toml",)),
@@ -183,6 +184,7 @@ def make_samples(folder: Path) -> None:
     for name, text in TEXTS.items():
         (folder / name).write_text(text)
     write_run(folder / "run", make_run(n_draws=4, window=Window(-2.0, -2.0, 4.0, 2.0)))
+    write_run(folder / "room", make_room_run())
     write_grid(folder / "grid.npz", build(BEAM))
     write_draws(folder / "draws.geojsonl", random_draws(1, 2, scale=0.1))
     labelled = draw_patches(1)

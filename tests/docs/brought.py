@@ -17,7 +17,7 @@ from mapq.patches import Patches
 from prf.readings import read_readings, write_table
 from prf.results import write_run
 from tests.conftest import ROOT
-from tests.factories import make_run
+from tests.factories import make_room_run, make_run
 from tests.mapq.labelled import draw_patches
 from tests.readings.bags import Maker, Note, yaw
 from tests.readings.samples import player_laser, position
@@ -253,6 +253,7 @@ MAKERS: tuple[tuple[str, Callable[[Path], None]], ...] = (
     (r"city/", make_tiles),
     (r"(sonar|site|flips|robot)\.toml", make_settings),
     (r"office|ring|posterior|run", make_run_folder),
+    (r"rooms", lambda path: write_run(path, make_room_run())),
     (r"map\.yaml", make_ros_map),
     (r".*\.grid\.npz", make_grid),
 )

@@ -163,6 +163,8 @@ def _ranked(question: Question, draws: Draws, reach: Reach, scanner: Scanner, by
     for number, xy in enumerate(reach.xy[places]):
         gain, theta = gain_at(question, distance[:, number], xy, scanner)
         rows[number] = theta, *_with_bounds(gain.astype(np.float64), question.jury.n_chains)
+    # More than all cannot be settled, but for the error of the entropy itself.
+    rows[:, 1] = np.minimum(rows[:, 1], question.entropy)
     if question.is_path:
         rows[:, 3] = np.minimum(rows[:, 3], math.log(2.0))
     worth = rows[:, 1] if by == "gain" else rows[:, 1] / metres[places]
