@@ -33,6 +33,7 @@ from prf.shell.cli.run import run_app
 ROOT = Path(__file__).parent.parent
 IMAGES = Path(__file__).parent / "images"
 LOG = ROOT / "data" / "demo-office.log.gz"
+ROOMS = ROOT / "data" / "demo-rooms.log.gz"
 TOWN = ROOT / "data" / "demo-town.ply.gz"
 
 PUBLIC = ROOT.parent / "shared" / "data"
@@ -130,6 +131,14 @@ def draw_office(folder: Path) -> None:
     photograph(folder / "office.html", IMAGES / "report-office.png", ROUTE_ASKED)
 
 
+def draw_rooms(folder: Path) -> None:
+    """Make the picture of where to look next in the demo rooms."""
+    run = folder / "rooms"
+    call(prf.cli, "sample", "--laser", ROOMS, "--steps", "4000000", "--seed", 1, "-o", run, "-q")
+    call(prf.cli, "explore", run, "--picture", IMAGES / "explore-rooms.png", "-o", folder / "x.csv", "--force", "-q")
+    shrink(IMAGES / "explore-rooms.png")
+
+
 def draw_town(folder: Path) -> None:
     """Make the picture of the classified town, and that of its report."""
     result, report = folder / "demo-town.ply", folder / "report.html"
@@ -221,7 +230,7 @@ def photograph(report: Path, path: Path, script: str = "") -> None:
 
 def main() -> None:
     """Make every picture."""
-    drawings: tuple[Callable[[Path], None], ...] = (draw_office, draw_town, draw_priors, draw_real_places)
+    drawings: tuple[Callable[[Path], None], ...] = (draw_office, draw_rooms, draw_town, draw_priors, draw_real_places)
     for draw in drawings:
         with TemporaryDirectory() as folder:
             draw(Path(folder))

@@ -18,6 +18,9 @@ print(run.paths([door, round_the_desk], radius=0.25))  # each over whole maps, a
 free = run.paths([door, round_the_desk], radius=0.25, interval=True)
 print(free.low > 0.9)  # certain enough to drive, whatever the sampling left open
 
+look = run.explore(target=door, radius=0.25)  # from where does a scan settle whether that way is free?
+print(look.xy[0], look.gain[0], look.entropy)  # metres; nats that it is expected to settle, of so many
+
 walls = run.best_map  # shapely: all of shapely works on it
 print(f"{walls.area:.1f} m² occupied, {len(walls.geoms)} pieces")
 

@@ -17,7 +17,7 @@ logger = logging.getLogger(__name__)
 EXAMPLES = (
     "prf explore rooms",
     "prf explore rooms --from 2.0 4.2 --by gain-per-metre -o places.csv --picture places.png",
-    "prf explore rooms --for path.csv --radius 0.3",
+    "prf explore rooms --for door.csv --radius 0.3",
 )
 
 

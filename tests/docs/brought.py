@@ -233,6 +233,7 @@ def make_ros_map(path: Path) -> None:
 MAKERS: tuple[tuple[str, Callable[[Path], None]], ...] = (
     (r"points\.csv", make_points),
     (r"(path|route)\.csv", make_route),
+    (r"door\.csv", lambda path: path.write_text("x,y\n8.0,1.5\n8.0,4.5\n")),
     (r"drive\.csv", lambda path: path.write_text("x,y\n3.0,3.0\n7.0,3.0\n7.0,5.0\n")),
     (r"(bitmap|soil|taps)\.csv", make_values),
     (r"(ring|elsewhere)\.csv", make_ring),

@@ -200,9 +200,15 @@ def outcome_gain(black: Bools, outcome: NDArray[np.int8]) -> NDArray[np.float64]
     `black`, `outcome` (n, c): whether the beam stops before the cell (0), in it (1) or beyond (2). Cheap: no scan as a
     whole is weighed, so that places can be ranked by it.
     """
-    n = len(black)
-    joint = np.array([[(black == colour) & (outcome == kind) for kind in range(3)] for colour in (False, True)])
-    share = joint.mean(axis=2)
+    counts = np.empty((2, 3, black.shape[1]))
+    for kind in (0, 1):
+        such = outcome == kind
+        counts[1, kind] = (such & black).sum(axis=0, dtype=np.uint16)
+        counts[0, kind] = such.sum(axis=0, dtype=np.uint16) - counts[1, kind]
+    n_black = black.sum(axis=0, dtype=np.uint16).astype(np.float64)
+    counts[1, 2] = n_black - counts[1, :2].sum(axis=0)
+    counts[0, 2] = len(black) - n_black - counts[0, :2].sum(axis=0)
+    share = counts / len(black)
     with np.errstate(divide="ignore", invalid="ignore"):
         term = share * np.log(share / (share.sum(axis=0) * share.sum(axis=1, keepdims=True)))
-    return np.asarray(np.nansum(term, axis=(0, 1)) - 1.0 / n)
+    return np.asarray(np.nansum(term, axis=(0, 1)) - 1.0 / len(black))

@@ -31,6 +31,8 @@ LEAST_ENTROPY = 0.02
 """Nats below which a cell is settled."""
 NEAR_WAY = 0.2
 """Metres beside the ground that a path needs, whose cells rank places for it."""
+EVERY = 2
+"""Places are ranked by one draw in so many."""
 SEED = 1
 """Of the errors of simulated scans: every place has the same ones."""
 
@@ -94,7 +96,7 @@ def entropy_of(black: NDArray[np.bool_]) -> Floats:
 def rank_places(question: Question, distance: NDArray[np.float32], places: Floats, scanner: Scanner) -> Floats:
     """Return a cheap estimate (n,) of the gain of each of `places` (n, 2): cell by cell, by one beam alone.
 
-    `distance` (n_draws, n, N_BEAMS): of :func:`prf.results.explore.scanner.first_walls`.
+    `distance` (n_some, n, N_BEAMS): of :func:`prf.results.explore.scanner.first_walls`, in one draw of :data:`EVERY`.
     """
     found = np.zeros(len(places))
     for number, place in enumerate(places):
@@ -105,7 +107,7 @@ def rank_places(question: Question, distance: NDArray[np.float32], places: Float
         turn = np.arctan2(offset[:, 1], offset[:, 0]) / (2.0 * np.pi)
         met = distance[:, number, np.rint(N_BEAMS * turn).astype(np.int64) % N_BEAMS]
         outcome = (met > away - 0.5 * CELL).astype(np.int8) + (met > away + 0.5 * CELL)
-        gain = np.maximum(outcome_gain(question.black[:, near], outcome), 0.0)
+        gain = np.maximum(outcome_gain(question.black[::EVERY][:, near], outcome), 0.0)
         by_sector = np.asarray(np.bincount(sector_of(offset), gain, N_SECTORS), np.float64)
         found[number] = by_sector[best_view(by_sector, scanner.field_of_view)[1]].sum()
     return found

@@ -13,7 +13,7 @@ from prf.results import names
 from prf.results.convergence import FEWEST_DRAWS, effective_size, pieces
 from prf.results.estimate import LEVEL, PIECES, by_chain
 from prf.results.explore.gain import N_BEAMS
-from prf.results.explore.question import CELL, Question, ask, gain_at, rank_places
+from prf.results.explore.question import CELL, EVERY, Question, ask, gain_at, rank_places
 from prf.results.explore.reach import Reach, reachable
 from prf.results.explore.scanner import Scanner, first_walls, scanner_of
 from prf.results.run import RunData
@@ -23,7 +23,7 @@ MOST_DRAWS, LEAST_DRAWS = 256, 64
 """Draws that are compared, spread evenly over the chains; as few in large windows."""
 MOST_COLOURS = 32_000_000
 """Cells times draws, about, up to which they are not fewer: 10 bytes each."""
-MOST_PLACES = 80
+MOST_PLACES = 60
 """Places that are weighed in full: the best of all by a cheap estimate."""
 MOST_DISTANCES = 8_000_000
 """Beams that are cast at once."""
@@ -154,7 +154,7 @@ def _ranked(question: Question, draws: Draws, reach: Reach, scanner: Scanner, by
     batch = max(1, MOST_DISTANCES // (N_BEAMS * len(draws)))
     for first in range(0, len(places), batch):
         xy = reach.xy[places[first : first + batch]]
-        distance = first_walls(segments, draws.window, xy, N_BEAMS, scanner)
+        distance = first_walls(segments[::EVERY], draws.window, xy, N_BEAMS, scanner)
         cheap[first : first + batch] = rank_places(question, distance, xy, scanner)
     worth = cheap if by == "gain" else cheap / metres[places]
     places = places[np.argsort(-worth, kind="stable")[:MOST_PLACES]]
