@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 import prf
 from benchmarks.commands import OUTPUT, say
-from benchmarks.explore_rivals import grid_information, grid_of, nearest_frontier
+from benchmarks.explore_rivals import grid_information, grid_of, nearest_frontier, seen_closed
 from prf.configuration import LaserPhysics
 from prf.output.run import Run
 from prf.readings import Readings
@@ -44,9 +44,11 @@ FINE, COARSE = 0.1, 0.2
 SEEDS_BEFORE, SEEDS_AFTER = 3, 2
 KNOWN = 0.95
 MOST_LEGS = 60
+COLUMNS = ("predicted", "realised", "in_view", "nll", "metres")
 DRIVE_SPACING = (0.5, 0.5)
 
 Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
 
 
 class Building(NamedTuple):
@@ -61,9 +63,9 @@ class Building(NamedTuple):
     def readings(self) -> Readings:
         return prf.laser(self.pose, bearings_of(PHYSICS), self.ranges)
 
-    def grid(self, resolution: float) -> OccupancyGrid:
+    def grid(self, resolution: float, method: str = "count") -> OccupancyGrid:
         """Return the grid of its readings; the side of a cell in metres."""
-        return grid_of(self.readings(), self.world.window, PHYSICS.max_range, resolution)
+        return grid_of(self.readings(), self.world.window, PHYSICS.max_range, resolution, method)
 
     def looked(self, pose: Floats) -> Building:
         """Return it after scans at `pose` (k, 3)."""
@@ -101,12 +103,12 @@ def averaged(run: Run, cell: Floats) -> Floats:
     return run.occupancy[row, column].astype(np.float64)
 
 
-def entropy_sum(p: Floats) -> float:
+def entropies(p: Floats) -> Floats:
     p = np.clip(p, 1e-9, 1.0 - 1e-9)
-    return float((-p * np.log(p) - (1.0 - p) * np.log1p(-p)).sum())
+    return np.asarray(-p * np.log(p) - (1.0 - p) * np.log1p(-p))
 
 
-def unseen_rooms(building: Building, run: Run, cell: Floats) -> NDArray[np.bool_]:
+def unseen_rooms(building: Building, run: Run, cell: Floats) -> Bools:
     """Return which cells are free, or wall beside what is, and were not seen."""
     assert run.image is not None
     free = shapely.difference(shapely.box(*building.world.window), building.world.occupied)
@@ -121,7 +123,7 @@ def _outdoors(world: World) -> Any:
     return shapely.union_all([part for part in parts if part.intersects(border)])
 
 
-def nll(p: Floats, truth: NDArray[np.bool_]) -> float:
+def nll(p: Floats, truth: Bools) -> float:
     p = np.clip(p, 1e-3, 1.0 - 1e-3)
     return float(-np.log(np.where(truth, p, 1.0 - p)).mean())
 
@@ -137,7 +139,7 @@ def choices(building: Building, run: Run, seed: int) -> dict[str, tuple[Floats, 
     rng = np.random.default_rng(1000 + seed)
     found = run.explore(start, radius=RADIUS)
     poses = {"prf explore": (np.array([*found.xy[0], found.theta[0]]), float(found.metres[0]))}
-    coarse = building.grid(COARSE)
+    coarse = building.grid(COARSE, "log-odds")
     information, heading = grid_information(coarse, reach.xy[places], scanner.field_of_view, PHYSICS.max_range)
     best = int(information.argmax())
     poses["grid information"] = (np.array([*reach.xy[places[best]], heading[best]]), float(reach.metres[places[best]]))
@@ -159,47 +161,55 @@ def choices(building: Building, run: Run, seed: int) -> dict[str, tuple[Floats, 
 
 
 class Measured(NamedTuple):
-    """What is left open in a building, in the mean over runs of several seeds."""
+    """What is open in a building, in the mean over runs of several seeds."""
 
-    entropy: float  # nats, of all cells
+    entropy: Floats  # (c,) nats of each cell
     nll: float  # nats a cell of unseen rooms
+
+    @classmethod
+    def of(cls, p: Floats, truth: Bools, rooms: Bools) -> Measured:
+        """Return it from how probably the cells are occupied in each run (k, c)."""
+        nlls = [nll(each[rooms], truth[rooms]) for each in p]
+        return cls(entropies(p).mean(axis=0), float(np.mean(nlls)))
 
 
 def judge(seed: int, folder: Path) -> dict[str, Any]:
-    """Return for each way to choose what was predicted and what a scan from there brought.
-
-    `folder`: where the cells' probabilities go.
-    """
+    """Return for each way to choose what was predicted and what a scan from there brought."""
     building = building_of(seed, 0.5)
     runs = [building.sampled(number, STEPS) for number in range(1, SEEDS_BEFORE + 1)]
     cell = cells_of(building.world.window)
     truth, rooms = ~building.world.free_at(cell), unseen_rooms(building, runs[0], cell)
-
-    kept: dict[str, Any] = {"cell": cell, "truth": truth, "rooms": rooms}
-
-    def measured(several: list[Run], name: str) -> Measured:
-        p = [averaged(run, cell) for run in several]
-        kept[name] = np.array(p)
-        left = [(entropy_sum(each), nll(each[rooms], truth[rooms])) for each in p]
-        return Measured(*np.mean(left, axis=0).tolist())
-
-    before, rows = measured(runs, "before"), {}
+    kept = {"cell": cell, "truth": truth, "rooms": rooms, "before": np.array([averaged(run, cell) for run in runs])}
+    before, rows = Measured.of(kept["before"], truth, rooms), {}
     for name, (pose, gain, metres) in choices(building, runs[0], seed).items():
         can_be = bool(building.world.free_at(pose[None, :2])[0])
-        looked = building.looked(pose[None]) if can_be else building
-        after = measured([looked.sampled(number, STEPS) for number in range(1, SEEDS_AFTER + 1)], name)
-        found = {"realised": before.entropy - after.entropy, "nll": before.nll - after.nll}
-        if not can_be:
-            found = dict.fromkeys(found, 0.0)
-        rows[name] = {"pose": pose.tolist(), "free": can_be, "metres": metres, "predicted": gain, **found}
+        after = before
+        if can_be:
+            looked = building.looked(pose[None])
+            again = [looked.sampled(number, STEPS) for number in range(1, SEEDS_AFTER + 1)]
+            kept[name.replace(" ", "-")] = p = np.array([averaged(run, cell) for run in again])
+            after = Measured.of(p, truth, rooms)
+        rows[name] = {"pose": pose.tolist(), "free": can_be, "metres": metres, "predicted": gain}
+        rows[name] |= fallen(before, after, cell, pose)
         say(f"{seed} {name}: {rows[name]}")
-    np.savez_compressed(folder / f"cells-{seed}.npz", **{name.replace(" ", "-"): p for name, p in kept.items()})
-    return {"seed": seed, "entropy": before.entropy, "nll": before.nll, "n_rooms": int(rooms.sum()), "rows": rows}
+    np.savez_compressed(folder / f"cells-{seed}.npz", allow_pickle=False, **kept)
+    return {"seed": seed, "entropy": float(before.entropy.sum()), "rows": rows}
+
+
+def fallen(before: Measured, after: Measured, cell: Floats, pose: Floats) -> dict[str, float]:
+    """Return by how much entropy fell, of all cells and of those in view of a pose (3,), and the nll of rooms."""
+    offset = cell - pose[:2]
+    aside = np.abs(np.angle(np.exp(1j * (np.arctan2(offset[:, 1], offset[:, 0]) - pose[2]))))
+    view = (aside < 0.5 * PHYSICS.field_of_view + 0.1) & (np.hypot(*offset.T) < PHYSICS.max_range + 0.2)
+    drop = before.entropy - after.entropy
+    return {"realised": float(drop.sum()), "in_view": float(drop[view].sum()), "nll": before.nll - after.nll}
 
 
 def known_share(building: Building) -> float:
     """Return the share of the places that the robot can reach which some beam has passed."""
-    return float(building.grid(FINE).image().seen_at(building.road.xy).mean())
+    grid = building.grid(FINE)
+    seen = grid.image()._replace(seen=seen_closed(grid))
+    return float(seen.seen_at(building.road.xy).mean())
 
 
 def driven(building: Building, way: Floats) -> tuple[Building, float]:
@@ -253,35 +263,34 @@ def next_way(building: Building, how: str, seed: int, tried: list[Floats]) -> tu
 
 def table(folder: Path) -> None:
     """Print the figures of what was written."""
-    from scipy.stats import spearmanr
-
     judged = [json.loads(path.read_text()) for path in sorted(folder.glob("poses-*.json"))]
     for which in (TUNED, JUDGED):
         rows = [one for one in judged if one["seed"] in which]
-        if not rows:
-            continue
-        pooled = [(row["predicted"], row["realised"]) for one in rows for row in one["rows"].values()]
-        within = [spearmanr([(r["predicted"], r["realised"]) for r in one["rows"].values()])[0] for one in rows]
-        say(
-            f"{len(rows)} buildings, {len(pooled)} poses: rank correlation {spearmanr(pooled)[0]:.3f}, "
-            f"mean within buildings {np.nanmean(within):.3f}; entropy {np.mean([one['entropy'] for one in rows]):.0f}"
-        )
-        print("| chosen by | predicted | realised | nll of unseen rooms | metres | n |")
-        for name in ("prf explore", "grid information", "nearest frontier", "random"):
-            some = [row for one in rows for key, row in one["rows"].items() if key.startswith(name)]
-            columns = [np.array([row[key] for row in some]) for key in ("predicted", "realised", "nll", "metres")]
-            error = columns[1].std(ddof=1) / len(some) ** 0.5
-            print(
-                f"| {name} | {columns[0].mean():.1f} | {columns[1].mean():.1f} ± {error:.1f} | "
-                f"{columns[2].mean():.4f} | {columns[3].mean():.1f} | {len(some)} |"
-            )
+        if rows:
+            _table_of(rows)
     for path in sorted(folder.glob("drive-*.json")):
-        one = json.loads(path.read_text())
-        done = next((f"{metres:.1f} m" for metres, share in one["track"] if share >= KNOWN), "not reached")
-        print(
-            f"{path.stem}: {done}, {len(one['track']) - 1} legs, known {one['track'][-1][1]:.3f} "
-            f"after {one['track'][-1][0]:.1f} m"
-        )
+        track = json.loads(path.read_text())["track"]
+        done = next((f"{metres:.1f} m" for metres, share in track if share >= KNOWN), "not reached")
+        print(f"{path.stem}: {done}, {len(track) - 1} legs, {track[-1][1]:.3f} known after {track[-1][0]:.1f} m")
+
+
+def _table_of(rows: list[dict[str, Any]]) -> None:
+    from scipy.stats import spearmanr
+
+    every = [row for one in rows for row in one["rows"].values()]
+    for name in ("realised", "in_view"):
+        rank = spearmanr([(row["predicted"], row[name]) for row in every])[0]
+        linear = np.corrcoef([(row["predicted"], row[name]) for row in every], rowvar=False)[0, 1]
+        print(f"{len(rows)} buildings, {len(every)} poses, {name}: rank correlation {rank:.3f}, linear {linear:.3f}")
+    print("| chosen by | predicted | realised | in view | nll of unseen rooms | metres | n |")
+    for way in ("prf explore", "nearest frontier", "grid information", "random"):
+        some = [row for one in rows for name, row in one["rows"].items() if name.startswith(way)]
+        columns = [
+            np.array([row[key] for row in some]) for key in ("predicted", "realised", "in_view", "nll", "metres")
+        ]
+        errors = [column.std(ddof=1) / len(some) ** 0.5 for column in columns]
+        cells = [f"{c.mean():.3g} ± {e:.2g}" for c, e in zip(columns, errors, strict=True)]
+        print(f"| {way} | {' | '.join(cells)} | {len(some)} |")
 
 
 def main() -> int:

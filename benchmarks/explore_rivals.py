@@ -39,10 +39,12 @@ class Goal(NamedTuple):
     metres: float
 
 
-def grid_of(readings: Readings, window: tuple[float, ...], max_range: float, resolution: float) -> OccupancyGrid:
+def grid_of(
+    readings: Readings, window: tuple[float, ...], max_range: float, resolution: float, method: str
+) -> OccupancyGrid:
     """Return what `prf grid` makes of readings."""
     config = Configuration.of(window=window, max_range=max_range)
-    chosen = config.model_copy(update={"grid": config.grid.replace(resolution=resolution)})
+    chosen = config.model_copy(update={"grid": config.grid.replace(resolution=resolution, method=method)})
     return build_grid(readings, None, chosen)[0]
 
 
@@ -51,7 +53,7 @@ def nearest_frontier(grid: OccupancyGrid, start: Floats, radius: float, tried: l
 
     `tried`: ends of ways that brought nothing.
     """
-    seen = ndimage.binary_closing(grid.seen, iterations=CLOSED)
+    seen = seen_closed(grid)
     taken = grid.seen & (grid.occupancy >= FREE)
     free, unknown = seen & ~taken, ~seen
     edge = free & ndimage.binary_dilation(unknown)
@@ -71,6 +73,11 @@ def nearest_frontier(grid: OccupancyGrid, start: Floats, radius: float, tried: l
         reach = int(0.5 / grid.resolution)
         goals[max(row - reach, 0) : row + reach + 1, max(column - reach, 0) : column + reach + 1] = False
     return _walk(grid, open_, goals, begin)
+
+
+def seen_closed(grid: OccupancyGrid) -> Bools:
+    """Return which cells (ny, nx) were seen, or lie between beams of a scan."""
+    return np.asarray(ndimage.binary_closing(grid.seen, iterations=CLOSED))
 
 
 def _walk(grid: OccupancyGrid, open_: Bools, goals: Bools, begin: tuple[int, int]) -> Goal | None:
