@@ -77,7 +77,9 @@ def explore(
     for wrote in (output, picture):
         if wrote not in (None, STREAM):
             logger.info("wrote %s", wrote)
-    if found.low[0] <= 0.0:
+    if found.high[0] == float("inf"):
+        logger.warning("%s: too few draws a chain to bound the gains. Sample longer: prf sample --resume.", run)
+    elif found.low[0] <= 0.0:
         logger.warning("%s: no gain is surely above 0: little is open that a scan from these places would show.", run)
 
 
