@@ -13,6 +13,7 @@ import prf
 from prf.configuration import Configuration
 from prf.model.coloring import Coloring, black_at, from_polygons, occupied_polygons
 from prf.model.window import Window
+from prf.output.report.page import dispute_line
 from prf.output.run import Run
 from prf.readings import Readings
 from prf.results import RunData
@@ -127,6 +128,8 @@ def test_a_wall_that_moved_is_followed_and_named() -> None:
         [dispute] = [each for each in disputes(run) if abs(each.x - 5.5) < 1.0 and each.y < 3.0][:1]
         assert dispute.log == "log 1 (before)"
         assert dispute.n_readings >= 8
+        assert "contradict each other" in dispute_line(run)
+        assert "log 1 (before)" in dispute_line(run)
 
 
 def test_an_extended_run_resumes_as_if_never_stopped(morning: Run, tmp_path: Path) -> None:

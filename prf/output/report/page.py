@@ -16,6 +16,7 @@ from prf.poses.truth import TrueErrors
 from prf.readings import log_stem
 from prf.results import RunData, map_text, names
 from prf.results.convergence import Diagnosis, range_words, time_words
+from prf.results.disputes import disputes
 from prf.results.explore import explore
 from prf.shell.cli.files import encoded, open_output
 from prf.shell.cli.page import escape, packed_json, page, table
@@ -44,7 +45,7 @@ def write_report(path: str, run: RunData, title: str | None = None, truth: TrueE
         "title": escape(title or title_of(run)),
         "run": escape(run.name),
         "headline": headline(run),
-        "agreement": f"{agreement_line(run)} {trajectory_line(run)}".strip(),
+        "agreement": " ".join(filter(None, (agreement_line(run), trajectory_line(run), dispute_line(run)))),
         "truth": truth_section(truth),
         "functionals": functional_table(run),
         "made": origin_table(run),
@@ -104,12 +105,10 @@ def _share(n_embedded: int, n_draws: int) -> str:
 
 def title_of(run: RunData) -> str:
     """Return what was mapped: the names of the logs, not that of their poses; else that of the run."""
-    stems: list[str] = []
-    poses = (run.manifest.get("configuration") or {}).get("poses")
-    for row in run.manifest.get("inputs") or ():
-        name = log_stem(str(row.get("path"))) if row.get("path") != poses else ""
-        stems += [name] if name not in ("", *stems) else []
-    return ", ".join(stems[:2]) or run.name
+    poses = (run.manifest.get("configuration") or {}).get("poses") or ()
+    inputs = [str(row.get("path")) for row in run.manifest.get("inputs") or () if row.get("path") not in poses]
+    stems = dict.fromkeys(filter(None, map(log_stem, inputs)))
+    return ", ".join(list(stems)[:2]) or run.name
 
 
 def headline(run: RunData) -> str:
@@ -160,6 +159,15 @@ def trajectory_line(run: RunData) -> str:
     farthest = float(np.hypot(*run.trajectory.correction[:, :2].T).max())
     length = f"{number(100.0 * farthest, 1)} cm" if farthest < 1.0 else f"{number(farthest, 2)} m"
     return f"{run.trajectory.words()}; the farthest by {length}."
+
+
+def dispute_line(run: RunData) -> str:
+    """Return where logs of the run contradict each other, as markup; each place is a button."""
+    found = [
+        f"{escape(each.log)} at {_place_button((each.x, each.y, 1.0, 0.0), f', {each.n_readings} readings')}"
+        for each in disputes(run)
+    ]
+    return f"Logs contradict each other, as if something had moved: {'; '.join(found)}." if found else ""
 
 
 def functional_table(run: RunData) -> str:

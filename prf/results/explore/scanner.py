@@ -58,17 +58,14 @@ def scanner_of(run: RunData) -> Scanner | None:
     """Return the laser of a run, or else its sonar ring; None of a run without readings."""
     settings = run.manifest.get("configuration") or {}
     if run.laser is not None and run.laser.n_beams:
-        return _laser(run.laser, settings)
+        return _laser(run.laser, run.laser_model())
     return None if run.sonar is None or not run.sonar.n_beams else _ring(run.sonar, settings)
 
 
-def _laser(laser: Readings, settings: Mapping[str, Any]) -> Scanner:
-    known = {name: settings[name] for name in LaserModel.model_fields if name in settings}
-    model = LaserModel(**known | {"max_range": None})
-    limit = laser.max_range if math.isfinite(laser.max_range) else settings.get("max_range") or laser.largest_range
+def _laser(laser: Readings, model: LaserModel) -> Scanner:
     view, n_beams = field_of_view(laser)
     errors = (model.noise, model.noise_relative, model.outlier_probability, model.miss_probability)
-    return Scanner(view, n_beams, float(limit), *errors)
+    return Scanner(view, n_beams, model.limit, *errors)
 
 
 def _ring(sonar: Readings, settings: Mapping[str, Any]) -> Scanner:
