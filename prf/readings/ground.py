@@ -141,9 +141,15 @@ GAINS = (16, 4, 1)
 
 
 def thin_beams(
-    window: Window, origin: Floats, angle: Floats, ranges: Floats, max_range: float, density: float
-) -> NDArray[np.int64]:
-    """Return the beams to keep, by index and in their order.
+    window: Window,
+    origin: Floats,
+    angle: Floats,
+    ranges: Floats,
+    max_range: float,
+    density: float,
+    share: Floats | None = None,
+) -> tuple[NDArray[np.int64], Floats]:
+    """Return the beams to keep, by index and in their order, and the share of such beams that is kept of each.
 
     Of a dense log about `density` beams a square metre of the ground that its beams pass stay, plus what it takes to
     have every passed cell passed. One with little more than that is kept whole. No random
@@ -151,32 +157,43 @@ def thin_beams(
 
     `origin` (n, 2): sensor positions inside the window, metres. `angle` (n,): directions in the world frame, radians.
     `ranges` (n,): metres; at or above `max_range`: no return. `max_range`: metres. `density`: beams a square metre; 0
-    keeps all. Returns (m,).
+    keeps all. `share` (n,): which they are already of more beams, so that parts of a log that were thinned apart are
+    thinned as all of it. Returns (m,), (m,).
     """
     everything = np.arange(len(ranges), dtype=np.int64)
+    share = np.ones(len(ranges)) if share is None else share
     if density == 0.0 or len(ranges) <= 1:
-        return everything
+        return everything, share
     end, returned = beam_ends(window, origin, angle, ranges, max_range)
     passages = Passages(window, origin, end)
     budget = density * passages.seen_area()
     if budget > WORTH_IT * len(ranges):
-        return everything
-    strata = strata_of(window, origin, end, returned)
-    kept = draw_evenly(strata, weights(strata, budget))
+        return everything, share
+    strata = strata_of(window, origin, end, returned, 1.0 / share)
+    wanted = weights(strata, budget)
+    kept = draw_evenly(strata, wanted)
     passages.complete(kept)
-    return everything[kept]
+    left = np.empty(len(ranges))
+    left[strata.order] = np.repeat(wanted, strata.n)
+    return everything[kept], np.minimum(share, left)[kept]
 
 
 class Strata(NamedTuple):
     """Beams sorted by stratum, in their own order within each; neighbouring squares follow one another."""
 
     order: Ints  # (n,) the beams, stratum by stratum
-    size: Ints  # (k,) beams of each stratum, at least 1
-    alike: Ints  # (k,) beams that end in the same square with the same outcome, whatever their direction
+    n: Ints  # (k,) of each stratum, at least 1
+    size: Floats  # (k,) those that they are left of
+    alike: Floats  # (k,) the same of all that end in the same square with the same outcome, whatever their direction
+    stands_for: Floats  # (n,) how many each is left of, in their order by stratum
 
 
-def strata_of(window: Window, origin: Floats, end: Floats, returned: Bools) -> Strata:
-    """Return the strata of beams. `origin`, `end` (n, 2): metres, inside the window. `returned` (n,)."""
+def strata_of(window: Window, origin: Floats, end: Floats, returned: Bools, stands_for: Floats | None = None) -> Strata:
+    """Return the strata of beams.
+
+    `origin`, `end` (n, 2): metres, inside the window. `returned` (n,). `stands_for` (n,): beams that each is left of;
+    None: 1.
+    """
     column, row = (np.maximum(end - np.array(window[:2]), 0.0) // PLACE).astype(np.int64).T
     across = int(window.width // PLACE) + 2
     # Every other row runs backward, so that rounding at the end of one is compensated at its neighbour's.
@@ -186,15 +203,17 @@ def strata_of(window: Window, origin: Floats, end: Floats, returned: Bools) -> S
     group = 2 * square + returned
     key = DIRECTIONS * group + sector
     order = np.argsort(key, kind="stable")
-    _, first, size = np.unique(key[order], return_index=True, return_counts=True)
+    _, first, n = np.unique(key[order], return_index=True, return_counts=True)
+    each = np.ones(len(order)) if stands_for is None else stands_for[order]
+    size = np.add.reduceat(each, first) if len(first) else np.zeros(0)
     _, member = np.unique(group[order[first]], return_inverse=True)
-    return Strata(order, size, np.bincount(member, weights=size).astype(np.int64)[member])
+    return Strata(order, n, size, np.bincount(member, size).astype(np.float64)[member], each)
 
 
 def weights(strata: Strata, budget: float) -> Floats:
     """Return the share (k,) of each stratum to keep: `budget` beams in all, more only if the rare need it."""
     least = np.minimum(1.0, RARE / strata.alike)
-    falling = strata.size.astype(np.float64) ** (EVENNESS - 1.0)
+    falling = strata.size ** (EVENNESS - 1.0)
 
     def shares(factor: float) -> Floats:
         found: Floats = np.minimum(1.0, np.maximum(least, factor * falling))
@@ -209,7 +228,7 @@ def weights(strata: Strata, budget: float) -> Floats:
 
 def draw_evenly(strata: Strata, share: Floats) -> Bools:
     """Return which beams (n,) to keep: every 1/w-th of a stratum whose share is w, rounding carried on to the next."""
-    each = np.repeat(share, strata.size)
+    each = np.repeat(share, strata.n) * strata.stands_for
     # Those kept for certain are not counted, which rounding could make miss one of them.
     filled = 0.5 + np.cumsum(np.where(each < 1.0, each, 0.0))
     taken = (np.diff(np.floor(filled), prepend=0.0) > 0.0) | (each >= 1.0)
@@ -272,10 +291,11 @@ def thin(
         if step < 1:
             raise ConfigError(f"{flag} {step}: must be at least 1.")
     lengths = np.array(readings.lengths)
-    scan = readings.scan - (np.cumsum(lengths) - lengths)[readings.log]
+    of_log = readings.log if len(lengths) > 1 else np.zeros(readings.n_beams, np.int64)
+    scan = readings.scan - (np.cumsum(lengths) - lengths)[of_log]
     keep = _multiple(scan, every_scan) & _multiple(readings.beam, every_beam)
     for log, n_scans in enumerate(lengths.tolist()):
-        own = readings.log == log
+        own = of_log == log
         if scans is not None:
             keep &= ~own | _in_slice(scan, scans, n_scans, "--scans")
         if skip_scans is not None:

@@ -129,8 +129,7 @@ class LogNotes:
     format: str = ""  # name of the format, for a person
     scans: ScanTable = field(default_factory=_no_scans)  # the scans of the log
     devices: tuple[str, ...] = ()  # names of the sensors, in the order of their first scan
-    # beams dropped because their range is exactly 0: an error code of the scanner, neither a hit nor a miss
-    n_zero_ranges: int = 0
+    n_zero_ranges: int = 0  # beams dropped because their range is exactly 0: an error code, neither a hit nor a miss
     # beams dropped because their range is not a number, or below the least that the sensor itself claims to measure
     n_invalid: int = 0
     # the sensors' own maximum range, where the log states it and has finite readings at or above it: these are inf in
@@ -145,9 +144,8 @@ class LogNotes:
     odd_lines: Mapping[str, int] = field(default_factory=dict)  # the same for kinds that the format does not know
     remarks: tuple[str, ...] = ()  # what the reader had to assume
     warnings: tuple[str, ...] = ()  # what of that, or of scans without a pose, a person must know before mapping
-    # scans, and names, of each of several logs that were joined; empty for one
-    lengths: tuple[int, ...] = ()
-    names: tuple[str, ...] = ()
+    lengths: tuple[int, ...] = ()  # scans of each of several logs that were joined; empty for one
+    names: tuple[str, ...] = ()  # their names
 
 
 @dataclass(frozen=True, repr=False)
@@ -181,6 +179,8 @@ class Readings:
         Which of several logs the reading is of, from 0; scan numbers go on from log to log.
     weight : (n_beams,) float64
         Independent readings that it counts as: 1, or more where it stands for others.
+    share : (n_beams,) float64
+        Of beams like it, what thinning left.
     """
 
     origin: FloatArray
@@ -192,6 +192,7 @@ class Readings:
     cone: FloatArray
     log: IntArray
     weight: FloatArray
+    share: FloatArray
     source: str
     notes: LogNotes = field(default_factory=LogNotes)
     max_range: float = math.inf
@@ -209,15 +210,15 @@ class Readings:
         cone: ArrayLike = 0.0,
         log: ArrayLike = 0,
         weight: ArrayLike = 1.0,
+        share: ArrayLike = 1.0,
         source: str = "arrays",
         notes: LogNotes | None = None,
     ) -> Readings:
         """Return readings with every array cast to its type, C-contiguous; a scalar holds for every beam.
 
         `origin` (n, 2) or (2,): sensor positions, metres. `angle`, `ranges` (n,): directions in radians and distances
-        in metres; `ranges` fixes n. One beyond `LARGEST_RANGE` is no return. `scan`, `beam`, `time`, `cone`, `log`,
-        `weight` (n,): as the attributes; `beam` counts through the beams of each scan if absent. `source`: where the
-        readings are from. `notes`: what the reader noticed.
+        in metres; `ranges` fixes n. One beyond `LARGEST_RANGE` is no return. The rest as the attributes; `beam` counts
+        through the beams of each scan if absent.
         """
         distance = np.array(ranges, dtype=np.float64, order="C").reshape(-1)
         distance[distance > LARGEST_RANGE] = np.inf
@@ -234,6 +235,7 @@ class Readings:
             cone=np.array(np.broadcast_to(cone, shape), dtype=np.float64),
             log=np.array(np.broadcast_to(log, shape), dtype=np.int64),
             weight=np.array(np.broadcast_to(weight, shape), dtype=np.float64),
+            share=np.array(np.broadcast_to(share, shape), dtype=np.float64),
             source=source,
             notes=notes if notes is not None else LogNotes(),
         )
@@ -250,7 +252,7 @@ class Readings:
 
     @property
     def lengths(self) -> tuple[int, ...]:
-        """Scans of each log, those that lost all their beams included: one more than the highest of their numbers."""
+        """Scans of each log, those that lost all their beams included."""
         numbers = self.notes.scans.number
         return self.notes.lengths or (1 + int(max(self.scan.max(initial=-1), numbers.max(initial=-1))),)
 
@@ -304,6 +306,7 @@ class Readings:
             cone=self.cone[mask],
             log=self.log[mask],
             weight=self.weight[mask],
+            share=self.share[mask],
         )
 
     def where(self, mask: NDArray[np.bool_]) -> Readings:

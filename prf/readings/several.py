@@ -39,7 +39,7 @@ def join_logs(logs: Sequence[Readings]) -> Readings:
     number = np.cumsum([0, *(1 + int(log.log.max(initial=-1)) for log in logs[:-1])])
     arrays: dict[str, Any] = {
         name: np.concatenate([getattr(log, name) for log in logs])
-        for name in ("origin", "angle", "range", "beam", "time", "cone", "weight")
+        for name in ("origin", "angle", "range", "beam", "time", "cone", "weight", "share")
     }
     return Readings(
         **arrays,

@@ -28,6 +28,9 @@ PARTS = (names.POSTERIOR, names.READINGS, names.POSES, names.MAP, names.DIAGNOST
 """Files beside manifest and draws; a run that was interrupted early may lack them, one with fixed poses has none."""
 
 
+OF_SESSIONS = (("log", 0, np.int64), ("weight", 1.0, np.float64), ("share", 1.0, np.float64))
+"""What readings have since runs may be gone on from; before that these values."""
+
 LARGEST = 1e300
 """Beyond it lie whole numbers that no float holds."""
 
@@ -171,11 +174,12 @@ def _take_readings(path: Path, arrays: dict[str, NDArray[Any]], prefix: str) -> 
         "angle": angle,
         "cone": take_array(path, arrays, prefix + "cone", np.float64, (n,)) if prefix else np.zeros(n),
     }
-    for name, value, kind in (("log", 0, np.int64), ("weight", 1.0, np.float64)):  # earlier releases have neither
+    for name, value, kind in OF_SESSIONS:  # earlier releases have neither
         arrays.setdefault(prefix + name, np.full(n, value, kind))
         values[name] = take_array(path, arrays, prefix + name, kind, (n,))
     sound = {name: np.isfinite(array).all() for name, array in values.items()} | {"range": (ranges >= 0.0).all()}
-    sound |= {name: sound[name] and bool((values[name] >= 0).all()) for name in ("log", "weight")}
+    sound |= {name: sound[name] and bool((values[name] >= 0).all()) for name, _, _ in OF_SESSIONS}
+    sound["share"] &= bool((values["share"] > 0.0).all())
     for name in (name for name, is_sound in sound.items() if not is_sound):
         raise damaged(path, f"a reading has an impossible value of {name}")
     scan = take_array(path, arrays, prefix + "scan", np.int64, (n,))

@@ -156,6 +156,7 @@ def _arrays_of(readings: Readings) -> dict[str, NDArray[Any]]:
         "scan": readings.scan,
         "log": readings.log,
         "weight": readings.weight,
+        "share": readings.share,
         "max_range": np.array(readings.max_range),
     }
 

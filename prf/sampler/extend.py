@@ -99,7 +99,10 @@ def prepare_extension(
         warn_of_frames([before.laser, new.target.laser.readings])
     kept, forgotten = (before.laser, {}) if not forget or before.laser is None else forgetting(run, before.laser)
     beams = _joined(kept, new.target.laser)
-    rows = np.zeros(0, np.int64) if beams is None else _thinned(beams, new.config, MOST_BEAMS if forget else np.inf)
+    rows = np.zeros(0, np.int64)
+    if beams is not None:
+        rows, share = _thinned(beams, new.config, MOST_BEAMS if forget else np.inf)
+        beams = dataclasses.replace(beams, share=share)
     n_thinned = new.n_beams_thinned + int(run.manifest.get("n_beams_thinned", 0))
     n_thinned += 0 if beams is None else beams.n_beams - len(rows)
     target, resolved = _target(before, image, new, None if beams is None else beams.select(rows), config.sampler.tiles)
@@ -213,19 +216,24 @@ def _joined(before: Readings | None, new: Any) -> Readings | None:
     return joined.within(parts[0].max_range)
 
 
-def _thinned(beams: Readings, config: Configuration, most: float) -> NDArray[np.int64]:
-    """Return which beams of all logs stay, as of one they would, and `most` at most; all that stand for others do."""
+def _thinned(beams: Readings, config: Configuration, most: float) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Return which beams of all logs stay, as of one they would, and `most` at most; all that stand for others do.
+
+    With the share (n_beams,) that is then left of such as each.
+    """
     window, density = Window(*(config.prior.window or ())), config.thinning.beam_density or 0.0
     alone = np.flatnonzero(beams.weight == 1.0)
     origin, angle, ranges = (each[alone] for each in (beams.origin, beams.angle, beams.range))
-    stays = beams.weight != 1.0
+    stays, share = beams.weight != 1.0, beams.share.copy()
     room = max(most - np.count_nonzero(stays), LEAST_ROOM * len(alone))
-    chosen = thin_beams(window, origin, angle, ranges, beams.max_range, density)
-    while len(chosen) > room:
+    while True:
+        chosen, left = thin_beams(window, origin, angle, ranges, beams.max_range, density, share[alone])
+        if len(chosen) <= room:
+            break
         density = LESS * (density or FIRST_DENSITY)
-        chosen = thin_beams(window, origin, angle, ranges, beams.max_range, density)
     stays[alone[chosen]] = True
-    return np.flatnonzero(stays)
+    share[alone[chosen]] = left
+    return np.flatnonzero(stays), share
 
 
 def _joined_points(before: PointTable | None, new: PointTable | None) -> PointTable | None:

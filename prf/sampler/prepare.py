@@ -207,10 +207,13 @@ def prepare(
     n_outside = sum(int((~window.contains(part.origin, strictly=True)).sum()) for part in sensors)
     rows, cone_rows = _rows_inside(beams, window), _rows_inside(cones, window)
     inside, kept_cones = _chosen_rows(beams, rows), _chosen_rows(cones, cone_rows)
+    share = None
     if inside is not None:
-        kept, config = _thinned(config, inside, window)
+        kept, share, config = _thinned(config, inside, window)
         rows = rows[kept]
     kept_beams = _chosen_rows(beams, rows)
+    if kept_beams is not None and share is not None:
+        kept_beams = dataclasses.replace(kept_beams, share=share)
     if sensors and kept_beams is None and kept_cones is None:
         source = " and ".join(log.source for log in (laser, sonar) if log is not None)
         raise InputError(f"{source}: no sensor stands inside the window. Check --window.")
@@ -306,13 +309,15 @@ def _chosen_rows(readings: Readings | None, rows: NDArray[np.int64]) -> Readings
     return readings if len(rows) == len(readings.range) else readings.select(rows)
 
 
-def _thinned(config: Configuration, beams: Readings, window: Window) -> tuple[NDArray[np.int64], Configuration]:
-    """Return which beams thinning keeps, and the configuration with the density that it keeps."""
+def _thinned(
+    config: Configuration, beams: Readings, window: Window
+) -> tuple[NDArray[np.int64], NDArray[np.float64], Configuration]:
+    """Return which beams thinning keeps, what share of such as each, and the configuration with its density."""
     if config.thinning.beam_density is None:
         is_few = config.trajectory.is_uncertain and beams.n_beams <= MOST_POSED_BEAMS
         config = config.replace(beam_density=0.0 if is_few else BEAM_DENSITY)
     density = config.thinning.beam_density or 0.0
-    return thin_beams(window, beams.origin, beams.angle, beams.range, beams.max_range, density), config
+    return *thin_beams(window, beams.origin, beams.angle, beams.range, beams.max_range, density), config
 
 
 def _started(config: Configuration, beams: Readings | None, cones: Readings | None) -> tuple[PoseModel, Configuration]:

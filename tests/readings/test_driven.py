@@ -141,20 +141,7 @@ def test_guards_hold_the_pieces_in_every_cell_that_they_come_near() -> None:
 
 def readings(origin: list[list[float]], scan: list[int], angle: float = 0.0) -> Readings:
     n = len(scan)
-    none = np.full(n, np.nan)
-    beam = np.zeros(n, np.int32)
-    return Readings(
-        np.array(origin),
-        np.full(n, angle),
-        np.full(n, 2.0),
-        np.array(scan),
-        beam,
-        none,
-        none,
-        np.array(scan),
-        none,
-        "a.log",
-    )
+    return Readings.from_arrays(np.array(origin), np.full(n, angle), np.full(n, 2.0), scan=scan, beam=0, source="a.log")
 
 
 def test_a_ring_counts_as_its_middle_scan_by_scan() -> None:

@@ -126,7 +126,7 @@ class Log(NamedTuple):
     range: NDArray[np.float64]
 
     def kept(self, density: float = DENSITY) -> NDArray[np.int64]:
-        return thin_beams(ROOM, *self, REACH, density)
+        return thin_beams(ROOM, *self, REACH, density)[0]
 
     def ends(self) -> NDArray[np.float64]:
         return self.origin + self.range[:, None] * np.column_stack([np.cos(self.angle), np.sin(self.angle)])
@@ -231,7 +231,9 @@ WINDOW = Window(0.0, 0.0, 8.0, 8.0)
 
 def made(sizes: list[int], alike: list[int] | None = None) -> Strata:
     size = np.array(sizes)
-    return Strata(np.arange(size.sum()), size, size if alike is None else np.array(alike))
+    each = size.astype(np.float64)
+    together = each if alike is None else np.array(alike, np.float64)
+    return Strata(np.arange(size.sum()), size, each, together, np.ones(size.sum()))
 
 
 def test_beams_of_a_stratum_share_square_direction_and_outcome() -> None:
@@ -245,12 +247,35 @@ def test_beams_of_a_stratum_share_square_direction_and_outcome() -> None:
         (*square, outcome) for square, outcome in zip(np.floor(end / 0.5).astype(int).tolist(), returned, strict=True)
     ]
     start = 0
-    for size, alike in zip(strata.size, strata.alike, strict=True):
+    np.testing.assert_array_equal(strata.size, strata.n)
+    for size, alike in zip(strata.n, strata.alike, strict=True):
         members = strata.order[start : start + size]
         assert len({names[i] + (towards[i],) for i in members}) == 1
         assert (np.diff(members) > 0).all()
         assert alike == names.count(names[members[0]])
         start += size
+
+
+def test_parts_that_were_thinned_apart_are_thinned_as_all_of_it() -> None:
+    """Five parts of a log, one after the other, against all at once: the same shares, and as many of each part."""
+    rng = np.random.default_rng(4)
+    n, room = 40_000, ROOM
+    origin = rng.uniform((2.0, 2.0), (4.0, 4.0), (n, 2))
+    angle = rng.normal(0.0, 0.5, n)  # a dense middle and rare flanks
+    ranges = np.full(n, REACH)
+    _, share = thin_beams(room, origin, angle, ranges, REACH, DENSITY)
+    kept, left = np.zeros(0, np.int64), np.zeros(0)
+    for part in np.array_split(np.arange(n), 5):
+        own, its = thin_beams(room, origin[part], angle[part], ranges[part], REACH, DENSITY)
+        rows, shares = np.r_[kept, part[own]], np.r_[left, its]
+        some, left = thin_beams(room, origin[rows], angle[rows], ranges[rows], REACH, DENSITY, shares)
+        kept = rows[some]
+    whole, _ = thin_beams(room, origin, angle, ranges, REACH, DENSITY)
+    assert len(kept) == pytest.approx(len(whole), rel=0.1)
+    np.testing.assert_allclose(np.bincount(kept // (n // 5)), len(kept) / 5, rtol=0.15)
+    in_the_middle = [float(np.mean(np.abs(angle[rows]) < 0.3)) for rows in (kept, whole)]
+    assert in_the_middle[0] == pytest.approx(in_the_middle[1], abs=0.03)
+    assert share.min() < 0.1
 
 
 def test_quotas_fill_the_budget_and_grow_as_the_power_of_the_size() -> None:
