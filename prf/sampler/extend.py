@@ -2,8 +2,8 @@
 
 The posterior is that of the readings of the run and of the new ones together, under the prior and the sensors of the
 run. Only where chains start is the run's: from its last maps, with what new readings show of ground that it did not see
-(:func:`prf.sampler.starts.continued_map`), and in ground that no reading concerns near a draw of the prior. Burn-in is
-left out as in any run, so that the law is that of one run on everything.
+(:mod:`prf.sampler.continued`), and in ground that no reading concerns near a draw of the prior. Burn-in is left out as
+in any run, so that the law is that of one run on everything.
 """
 
 from __future__ import annotations
