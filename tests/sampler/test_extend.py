@@ -27,7 +27,7 @@ from tests.reference.beams import Sensor, draw_readings, impacts
 
 SENSOR = Sensor(30.0, noise=0.03, outlier=0.02, miss=0.02)
 WINDOW = (0.0, 0.0, 10.0, 8.0)
-QUICK = {"chains": 2, "threads": 1, "progress": False, "seed": 1}
+QUICK = {"chains": 2, "threads": 1, "progress": False, "seed": 1, "resolution": 0.1}
 
 
 def hall(width: float = 9.0, cupboard: float | None = None) -> Coloring:
@@ -118,11 +118,11 @@ def test_what_new_beams_show_of_new_ground_is_there_from_the_start() -> None:
 
 def test_a_wall_that_moved_is_followed_and_named() -> None:
     """A cupboard that many scans saw is gone: the map follows the more of them, and says which log contradicts."""
-    before = sample(scans(hall(cupboard=5.0), [(4.0, 4.0), (6.5, 4.0)], 1, "before"), 200_000)
+    before = sample(scans(hall(cupboard=5.0), [(4.0, 4.0), (6.5, 4.0)], 1, "before"), 80_000)
     assert before.query([[5.5, 1.7]])[0] > 0.9
     after = scans(hall(), [(x, y) for x in (3.0, 4.5, 5.5, 6.5, 8.0) for y in (3.0, 4.0, 5.0)], 2, "after")
     for forget in (False, True):
-        run = sample(after, 200_000, before, forget=forget)
+        run = sample(after, 80_000, before, forget=forget)
         assert run.query([[5.5, 1.7]])[0] < 0.1
         assert ("forgotten" in run.manifest) is forget
         [dispute] = [each for each in disputes(run) if abs(each.x - 5.5) < 1.0 and each.y < 3.0][:1]
