@@ -34,7 +34,7 @@ Ints = NDArray[np.int64]
 
 DENSITY = 2.0
 """Settled beams a square metre of seen ground that stay."""
-FEWEST_DRAWS = 16
+FEWEST_DRAWS = 8
 """Draws of a run that can say what is settled."""
 MOST_DRAWS = 48
 """Draws that must agree, and as many others by which the error is measured."""
