@@ -35,6 +35,7 @@ from prf.sampler.target import (
     make_chain,
     one_colour_map,
     return_points,
+    run_chain,
     sonar_data,
 )
 from tests.reference.beams import Sensor
@@ -44,6 +45,7 @@ from tests.reference.slow_points import Flips, Normal, lattice, observe
 from tests.reference.slow_sonar import Ring
 from tests.reference.sonar_worlds import draw_data, draw_sonar_world, ring_all_round
 from tests.reference.worlds import World, draw_world, office
+from tests.statistical.ways import UNREACHED
 
 ROOM = Window(0.0, 0.0, 10.0, 10.0)
 NEAR = Sensor(6.0)
@@ -140,6 +142,33 @@ def test_twins_agree_on_readings_evaluated_by_levels() -> None:
     chain, n_accepted = follow(make_chain(target, Coloring.empty(ROOM)), np.random.default_rng(1), 1500)
     assert n_accepted > 100
     assert np.unique(chain.beams.level).tolist() == [0, 1, 2]
+
+
+def weighted_chain(seed: int) -> Chain:
+    """Beams that count as a tenth of one to a hundred, in two levels."""
+    target, rng = world_target(seed), np.random.default_rng(seed)
+    assert target.laser is not None
+    readings = target.laser.readings
+    several = dataclasses.replace(readings, weight=10.0 ** rng.uniform(-1.0, 2.0, readings.n_beams))
+    weighted = dataclasses.replace(target, laser=LaserData(several, target.laser.model)).with_execution(levels=2)
+    return make_chain(weighted, world_of(seed).coloring)
+
+
+def test_twins_agree_on_readings_that_count_as_several() -> None:
+    _, n_accepted = follow(weighted_chain(2), np.random.default_rng(2), 3000)
+    assert n_accepted > 100
+
+
+def test_bounds_reject_nothing_that_several_readings_would_accept() -> None:
+    """The same steps as without bounds, of beams that count as many, and what they miss as well."""
+    bounded, free = weighted_chain(3), weighted_chain(3)
+    free = free._replace(beams=free.beams._replace(best=np.full_like(free.beams.best, UNREACHED)))
+    recompute_sums(free)
+    found = []
+    for chain in (bounded, free):
+        chain = run_chain(chain, np.random.default_rng(3), 20_000)
+        found.append(read_coloring(chain.graph).xy)
+    np.testing.assert_array_equal(*found)
 
 
 def soften(chain: Chain, power: float, cost: float) -> Chain:
