@@ -147,6 +147,8 @@ def candidates(reach: Reach) -> NDArray[np.int64]:
 
 def _ranked(question: Question, draws: Draws, reach: Reach, scanner: Scanner, by: By) -> Exploration:
     """Return the reachable places in the order of their gains."""
+    from threadpoolctl import threadpool_limits  # noqa: PLC0415 - finds the libraries that are loaded
+
     segments = [each.segments() for each in draws]
     metres = np.maximum(reach.metres, LEAST_METRES)
     places = candidates(reach)
@@ -160,9 +162,10 @@ def _ranked(question: Question, draws: Draws, reach: Reach, scanner: Scanner, by
     places = places[np.argsort(-worth, kind="stable")[:MOST_PLACES]]
     distance = first_walls(segments, draws.window, reach.xy[places], N_BEAMS, scanner)
     rows = np.empty((len(places), 4))
-    for number, xy in enumerate(reach.xy[places]):
-        gain, theta = gain_at(question, distance[:, number], xy, scanner)
-        rows[number] = theta, *_with_bounds(gain.astype(np.float64), question.jury.n_chains)
+    with threadpool_limits(1):  # small products: threads that wait for each other cost more than they bring
+        for number, xy in enumerate(reach.xy[places]):
+            gain, theta = gain_at(question, distance[:, number], xy, scanner)
+            rows[number] = theta, *_with_bounds(gain.astype(np.float64), question.jury.n_chains)
     # More than all cannot be settled, but for the error of the entropy itself.
     rows[:, 1] = np.minimum(rows[:, 1], question.entropy)
     if question.is_path:
