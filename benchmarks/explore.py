@@ -104,6 +104,7 @@ def averaged(run: Run, cell: Floats) -> Floats:
 
 
 def entropies(p: Floats) -> Floats:
+    """Return the entropies (n,) of probabilities, nats."""
     p = np.clip(p, 1e-9, 1.0 - 1e-9)
     return np.asarray(-p * np.log(p) - (1.0 - p) * np.log1p(-p))
 
@@ -124,6 +125,7 @@ def _outdoors(world: World) -> Any:
 
 
 def nll(p: Floats, truth: Bools) -> float:
+    """Return the mean of -log of the probability that cells (n,) have of what they are, nats."""
     p = np.clip(p, 1e-3, 1.0 - 1e-3)
     return float(-np.log(np.where(truth, p, 1.0 - p)).mean())
 

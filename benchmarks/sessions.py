@@ -42,7 +42,7 @@ def n_scans(log: Path) -> int:
 
 
 def sampled(log: Path, output: Path, scans: str, seconds: float, seed: int, *words: str) -> dict[str, Any]:
-    """Sample one run in a process of its own, over what is there; return what is told of it."""
+    """Sample one run in a process of its own, over what is there; return what its files report."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss
     command = [sys.executable, "-m", "prf", "sample", "--laser", str(log), "--scans", scans, "--skip-scans", HELD_OUT]
     command += ["--time-budget", str(seconds), "--seed", str(seed), "--threads", "1", "--chains", str(CHAINS)]

@@ -176,7 +176,7 @@ def sample(
         prepared.announce()
         files = with_poses(paths_of(chain.from_iterable(sources.values())), loaded.settings)
         session = Session.start(files, prepared, folder, used_seed, _threads(threads), set_by)
-        return _driven(session, rule, scheduler, (progress, watch, on_interrupt))
+        return _run_to_goal(session, rule, scheduler, (progress, watch, on_interrupt))
 
 
 def resume(
@@ -215,7 +215,7 @@ def resume(
     with exclusive(run):
         session = Session.resume(Path(run), dict(logs), requested, seed, _threads(threads))
         logger.info(f"resuming at step {session.ensemble.step}")
-        return _driven(session, rule, scheduler, (progress, watch, on_interrupt))
+        return _run_to_goal(session, rule, scheduler, (progress, watch, on_interrupt))
 
 
 def _prepared(
@@ -232,7 +232,7 @@ def _prepared(
     return prepare_extension(run, config, *read_sources(sources, config), forget=forget), set_by
 
 
-def _driven(
+def _run_to_goal(
     session: Session,
     rule: StopRule,
     scheduler: str | None,

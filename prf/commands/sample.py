@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
     from prf.api.science import ReadingKind, Source
     from prf.output.run import Run
+    from prf.results.disputes import Dispute
 
 EXAMPLES = (
     "prf sample --laser data/demo-office.log.gz -o office --time-budget 30",
@@ -158,17 +159,18 @@ def _report(run: Run, folder: Path, json: bool, asked_steps: int | None) -> None
         result["trajectory"] = found.figures() | {"slips": found.slip_rows(), "disputed": found.closure_rows()}
     if run.building is not None:
         result["building"] = run.building
-    result["disputes"] = [each._asdict() for each in run.disputes()]
+    disputes = run.disputes()
+    result["disputes"] = [each._asdict() for each in disputes]
     if "forgotten" in run.manifest:
         result["forgotten"] = run.manifest["forgotten"]
     if json:
         storage.emit_object("prf.sample/1", result)
         return
-    for line in _summary(run, folder, asked_steps):
+    for line in _summary(run, folder, asked_steps, disputes):
         console.summarize(line)
 
 
-def _summary(run: Run, folder: Path, asked_steps: int | None) -> Iterator[str]:
+def _summary(run: Run, folder: Path, asked_steps: int | None, disputes: list[Dispute]) -> Iterator[str]:
     """Yield for a person what was mapped, whether the chains agree, what to do about it, and what to open."""
     import shlex
 
@@ -196,7 +198,7 @@ def _summary(run: Run, folder: Path, asked_steps: int | None) -> Iterator[str]:
         yield f"Trajectory: {run.trajectory.words()}; {folder}/trajectory.csv"
     if run.building is not None:
         yield _building(run.building)
-    for dispute in run.disputes():
+    for dispute in disputes:
         yield f"Dispute: {dispute.words()}."
     yield f"picture   {folder}/posterior.png"
     if run.best:

@@ -1,4 +1,4 @@
-"""Several logs of one kind of sensor, joined to one: scans and devices of each stay apart."""
+"""Several logs of one kind of sensor, joined to one: each keeps its scans and devices."""
 
 from __future__ import annotations
 

@@ -11,9 +11,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from prf.kernels import constants as c
 from prf.kernels.score.passed_cells import count_passes
 from prf.kernels.state.grid import Grid, cells_of, make_grid, most_cells
-from prf.model.ranges import unit_vectors, window_exit
+from prf.model.ranges import make_rays
+from prf.readings import Readings
 from prf.results.run import RunData
 from prf.results.score.returns import spread_over
 from prf.results.score.scene import first_edges
@@ -67,30 +69,36 @@ def disputes(run: RunData) -> list[Dispute]:
     laser = run.placed().laser
     if laser is None or len(run.draws) == 0 or laser.log.max(initial=0) == 0:
         return []
-    window = run.draws.window
-    laser = laser.select(np.flatnonzero(window.contains(laser.origin, strictly=True)))
-    model = run.laser_model()
-    direction = unit_vectors(laser.angle)
-    reach = np.minimum(model.limit, window_exit(window, laser.origin, direction))
-    rays = np.ascontiguousarray(np.column_stack([laser.origin, direction, reach]))
+    laser = laser.select(np.flatnonzero(run.draws.window.contains(laser.origin, strictly=True)))
+    is_odd, end = _against_draws(run, laser)
+    grid = make_grid(*run.draws.window, CELL)
+    names = run.manifest.get("logs", {}).get("laser", [])
+    found = []
+    for number in np.unique(laser.log).tolist():
+        own = laser.log == number
+        cells = cells_of(grid, end[own & is_odd])
+        odd = np.bincount(cells, laser.weight[own & is_odd], grid.nx * grid.ny).astype(np.float64)
+        agreeing = [_reaching(grid, laser.origin, end, which & ~is_odd) for which in (own, ~own)]
+        name = f"log {number + 1}" + (f" ({Path(names[number]).name})" if number < len(names) else "")
+        found += _places(grid, name, odd, *agreeing)
+    return sorted(found, key=lambda each: -each.n_readings)[:MOST]
+
+
+def _against_draws(run: RunData, laser: Readings) -> tuple[Bools, Floats]:
+    """Return which beams (n,) half of the draws at least do not explain, and where they end or are stopped (n, 2).
+
+    Metres; the nearer of the reading and of the wall that it meets in the middle one of the draws.
+    """
+    model, window = run.laser_model(), run.draws.window
+    rays = make_rays(window, model, laser.origin, laser.angle, laser.range)
+    reach = rays[:, c.MAX_DISTANCE]
     chosen = spread_over(len(run.draws), MOST_TRACED).tolist()
     met = np.array([np.minimum(first_edges(rays, run.draws[i].segments(), window), reach) for i in chosen])
     read = np.minimum(laser.range, reach)
     spread = np.maximum(model.noise, model.noise_relative * met)
     is_odd = np.median(np.abs(read - met) > EXPLAINED * spread, axis=0) > 0.5
-    end = laser.origin + np.minimum(read, np.median(met, axis=0))[:, None] * direction
-    grid = make_grid(*window, CELL)
-    names = run.manifest.get("logs", {}).get("laser", [])
-    found = []
-    for number in np.unique(laser.log).tolist():
-        own = laser.log == number
-        odd = np.bincount(cells_of(grid, end[own & is_odd]), laser.weight[own & is_odd], grid.nx * grid.ny).astype(
-            float
-        )
-        agreeing = [_reaching(grid, laser.origin, end, which & ~is_odd) for which in (own, ~own)]
-        name = f"log {number + 1}" + (f" ({Path(names[number]).name})" if number < len(names) else "")
-        found += _places(grid, name, odd, *agreeing)
-    return sorted(found, key=lambda each: -each.n_readings)[:MOST]
+    length = np.minimum(read, np.median(met, axis=0))
+    return is_odd, laser.origin + length[:, None] * rays[:, c.DIRECTION_X : c.DIRECTION_Y + 1]
 
 
 def _reaching(grid: Grid, start: Floats, end: Floats, chosen: Bools) -> Floats:

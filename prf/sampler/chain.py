@@ -214,7 +214,7 @@ class ChainRun:
         rng: np.random.Generator,
         probes: NDArray[np.int64],
         start: Coloring | None = None,
-        starts_from: Start | Coloring = "empty",
+        starts_from: Start = "empty",
         like: Chain | None = None,
         is_cooled: bool = False,
         earlier: Earlier | None = None,
@@ -312,10 +312,9 @@ class ChainRun:
 
         if self.poses is not None:
             self.chain = self.poses.start(self.chain)
-        if self.starts_from != "empty":
-            if isinstance(self.starts_from, Coloring):
-                assert self.earlier is not None
-                start = continued_map(self.starts_from, self.earlier, self.target)
+        if self.earlier is not None or self.starts_from != "empty":
+            if self.earlier is not None:
+                start = continued_map(self.earlier, self.target)
             else:
                 start = find_start_map(self.starts_from, self.target, self.rng, is_over)
             chain = with_map(self.chain, self.target, start)

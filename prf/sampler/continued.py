@@ -28,19 +28,20 @@ PASSED_CELL = 0.1
 
 
 class Earlier(NamedTuple):
-    """What chains that go on from a run start from (:mod:`prf.sampler.extend`)."""
+    """What a chain that goes on from a run starts from (:mod:`prf.sampler.extend`)."""
 
-    maps: tuple[Coloring, ...]  # the last of each of its chains
+    coloring: Coloring  # the last map of a chain of that run
     image: PosteriorImage  # with the ground that it saw, or nearly so
 
 
-def continued_map(before: Coloring, earlier: Earlier, target: Target) -> Coloring:
+def continued_map(earlier: Earlier, target: Target) -> Coloring:
     """Return the map of a run with what beams show of ground that it did not see, every sensor in white.
 
     There the contour of their returns is added, and what they pass is cut out. What contradicts the run where it saw
     the ground is left to the chain. Walls that it saw stay what they were, to the last bit.
     """
-    region, window = occupied_polygons(before), target.window
+    before, window = earlier.coloring, target.window
+    region = occupied_polygons(before)
     if target.laser is not None:
         readings = _up_to_known_walls(target.laser.readings.within(target.laser.model.limit), before, earlier.image)
         ends = readings.origin + np.where(readings.returned, readings.range, 0.0)[:, None] * unit_vectors(

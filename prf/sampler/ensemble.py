@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import logging
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -49,8 +50,8 @@ class Sample(NamedTuple):
 class Ensemble:
     """Chains of one target that advance in step, one a generator.
 
-    Chains start alike, or each from a map of an `earlier` run. With a `plan` every chain has a temperature ladder, from
-    the start or once chains disagree. The tiles of all chains are worked in `threads`.
+    Chains start alike, or each from its map of an `earlier` run. With a `plan` every chain has a temperature ladder,
+    from the start or once chains disagree. The tiles of all chains are worked in `threads`.
     """
 
     def __init__(
@@ -61,15 +62,15 @@ class Ensemble:
         starts_from: Start = "empty",
         threads: int = 1,
         is_cooled: bool = False,
-        earlier: Earlier | None = None,
+        earlier: Sequence[Earlier] = (),
     ) -> None:
         self.target = target
         self.probe_pixels = probe_pixels(target)
         self.chains: list[ChainRun] = []
         for i, rng in enumerate(generators):
             like = self.chains[0].chain if self.chains else None
-            where = starts_from if earlier is None else earlier.maps[i % len(earlier.maps)]
-            self.chains.append(ChainRun(target, rng, self.probe_pixels, None, where, like, is_cooled, earlier))
+            own = earlier[i] if earlier else None
+            self.chains.append(ChainRun(target, rng, self.probe_pixels, None, starts_from, like, is_cooled, own))
         start_apart([chain.poses for chain in self.chains if chain.poses is not None], generators)
         self._awaited = plan if plan is not None and plan.temperatures > 1 else None
         self._blocks = 0  # whole blocks of steps at the start of the round

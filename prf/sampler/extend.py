@@ -105,13 +105,14 @@ def prepare_extension(
         beams = dataclasses.replace(beams, share=share)
     n_thinned = new.n_beams_thinned + int(run.manifest.get("n_beams_thinned", 0))
     n_thinned += 0 if beams is None else beams.n_beams - len(rows)
+    known = _widened(image)
     target, resolved = _target(before, image, new, None if beams is None else beams.select(rows), config.sampler.tiles)
     return new._replace(
         target=dataclasses.replace(target, poses=_joined_poses(run, new.target, rows)),
         config=resolved,
         n_beams_thinned=n_thinned,
         counts=new.counts if run.counts is None else run.counts.joined(new.counts, target.window),
-        earlier=Earlier(last_maps(run, resolved.sampler.chains), _widened(image)),
+        earlier=tuple(Earlier(each, known) for each in last_maps(run, resolved.sampler.chains)),
         before={"inputs": run.manifest.get("inputs", []), "extends": _source(run), **forgotten},
     )
 

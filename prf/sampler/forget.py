@@ -72,12 +72,24 @@ def forgetting(run: RunData, laser: Readings) -> tuple[Readings, dict[str, Any]]
         f"forgot {laser.n_beams - found.n_beams:,} of the {laser.n_beams:,} beams of {run.name}; the others stand for "
         f"them to {error:.2g} nats, {error / laser.n_beams:.1g} a beam (docs/sessions.md)"
     )
-    told = {"n_beams": laser.n_beams, "n_kept": found.n_beams, "nats": error, "nats_per_beam": error / laser.n_beams}
-    return found, {"forgotten": told}
+    report = {"n_beams": laser.n_beams, "n_kept": found.n_beams, "nats": error, "nats_per_beam": error / laser.n_beams}
+    return found, {"forgotten": report}
 
 
 class Evidence:
-    """The beams of a run's laser before its draws."""
+    """The n beams of a run's laser beside its draws, and which of them are settled by what.
+
+    Attributes
+    ----------
+    distance : (n_draws, n) float64
+        To the first wall in each draw, metres; inf: none. Every second draw must agree, the others measure the error.
+    hit, free, stray : (n,) bool
+        Settled by a wall; settled by free ground; explained by no draw. On all others draws differ.
+    mean, spread, cosine : (n,) float64
+        Distance of the wall in the mean and noise there, metres; cosine of the beam with the wall's normal.
+    stretch, square : (n,) int64
+        Numbers of the stretch of wall, and of the square, in which it ends.
+    """
 
     def __init__(self, run: RunData, laser: Readings) -> None:
         self.laser, self.model, self.window = laser, run.laser_model(), run.draws.window

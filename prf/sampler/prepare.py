@@ -72,7 +72,7 @@ class Prepared(NamedTuple):
     n_points_outside: int  # point observations dropped because they do not lie inside the window
     n_beams_thinned: int = 0  # beams inside the window that thinning left out
     counts: BeamCounts | None = None  # of these beams and the others; None without a laser, and of uncertain poses
-    earlier: Earlier | None = None  # None: chains start afresh
+    earlier: tuple[Earlier, ...] = ()  # of each chain; empty: they start afresh
     before: Mapping[str, Any] = MappingProxyType({})  # what the manifest says of the run that they go on from
 
     def announce(self) -> None:

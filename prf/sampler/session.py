@@ -366,7 +366,7 @@ class Session:
 
 
 def make_ensemble(
-    config: Configuration, target: Target, seed: int, threads: int, earlier: Earlier | None = None
+    config: Configuration, target: Target, seed: int, threads: int, earlier: Sequence[Earlier] = ()
 ) -> Ensemble:
     """Return fresh chains of a resolved configuration, which may go on from an `earlier` run."""
     generators, start = spawn_generators(seed, config.sampler.chains), config.sampler.start or "empty"

@@ -95,9 +95,8 @@ def prepared(run: RunData, readings: Readings, window: tuple[float, ...] = WINDO
 
 def test_a_map_that_nothing_contradicts_goes_on_to_the_last_bit(morning: Run) -> None:
     found = prepared(morning, scans(hall(), MORNING, 3))
-    assert found.earlier is not None
-    start = continued_map(found.earlier.maps[0], found.earlier, found.target)
-    before = occupied_polygons(found.earlier.maps[0])
+    start = continued_map(found.earlier[0], found.target)
+    before = occupied_polygons(found.earlier[0].coloring)
     walls = before.intersection(shapely.box(0.9, 0.9, 4.0, 7.1))
     assert shapely.area(occupied_polygons(start).symmetric_difference(before).intersection(walls.buffer(0.05))) < 0.02
 
@@ -107,8 +106,7 @@ def test_what_new_beams_show_of_new_ground_is_there_from_the_start() -> None:
     run = sample(scans(hall(), MORNING, 1))
     wide = hall(17.0)
     found = prepared(run, scans(wide, [(10.5, 3.0), (12.0, 4.0), (14.0, 5.0)], 4), (0.0, 0.0, 18.0, 8.0))
-    assert found.earlier is not None
-    start = continued_map(found.earlier.maps[0], found.earlier, found.target)
+    start = continued_map(found.earlier[0], found.target)
     assert not black_at(start, found.target.laser.readings.origin).any()  # type: ignore[union-attr]
     assert shapely.dwithin(occupied_polygons(start), shapely.Point(17.0, 4.0), 0.05)
     assert not black_at(start, [[15.0, 4.0], [12.0, 6.5]]).any()

@@ -47,7 +47,8 @@ def extended(target: Target, rng: np.random.Generator, threads: int) -> Answer:
         advance(before, threads)
     sample = before.sample()
     ends = [np.flatnonzero(sample.chain == k)[-1] for k in range(N_CHAINS)]
-    earlier = Earlier(tuple(Coloring(*sample.draws[int(end)]) for end in ends), before.image())
+    image = before.image()
+    earlier = [Earlier(Coloring(*sample.draws[int(end)]), image) for end in ends]
     after = Ensemble(whole, rng.spawn(N_CHAINS), threads=threads, earlier=earlier)
     for chain in after.chains:
         chain.find_start(math.inf, lambda: False)

@@ -16,9 +16,6 @@ from prf.shell.cli.pictures import Target
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-APART = 1.5
-"""Metres between places that are drawn: beside the best lie many that are nearly as good."""
-MOST_PLACES = 6
 FIRST, OTHERS, ASKED = "#1b7f3b", "#5aa469", "#7048e8"
 """Colours of the best place, of the others, and of what is asked about."""
 LENGTH = 26.0
@@ -69,7 +66,7 @@ def draw_places(axes: Axes, found: Exploration) -> None:
     from matplotlib.patheffects import withStroke
 
     halo = [withStroke(linewidth=2.6, foreground="white")]
-    for rank, number in enumerate(found.apart(APART, MOST_PLACES)):
+    for rank, number in enumerate(found.shown()):
         colour = OTHERS if rank else FIRST
         if rank == 0:
             axes.plot(*found.ways[number].T, color=FIRST, linewidth=1.3, linestyle=(0, (4, 2)), zorder=4.3)

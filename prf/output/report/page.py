@@ -23,8 +23,6 @@ from prf.shell.cli.page import escape, packed_json, page, table
 from prf.shell.cli.pictures import counted, number, window_words
 from prf.shell.errors import InputError
 
-APART, MOST_PLACES = 1.5, 6
-"""Metres between places to look from, and how many are shown."""
 SCRIPTS = ("draws.js", "estimate.js", "map.js", "report.js")
 
 
@@ -83,10 +81,9 @@ def places_of(run: RunData) -> list[dict[str, float]]:
         found = explore(run)
     except InputError:  # no readings, or no free ground where the sensor was last: the page has all else to show
         return []
-    columns = (*found.xy.T, found.theta, found.gain, found.low, found.high, found.metres)
-    names_ = ("x", "y", "theta", "gain", "low", "high", "metres")
-    rows = [column[found.apart(APART, MOST_PLACES)].round(3).tolist() for column in columns]
-    return [dict(zip(names_, row, strict=True)) for row in zip(*rows, strict=True)]
+    columns = {"x": found.xy[:, 0], "y": found.xy[:, 1], "theta": found.theta, "gain": found.gain}
+    rows = [column[found.shown()].round(3).tolist() for column in columns.values()]
+    return [dict(zip(columns, row, strict=True)) for row in zip(*rows, strict=True)]
 
 
 def _best_map(run: RunData) -> str | None:
@@ -106,8 +103,10 @@ def _share(n_embedded: int, n_draws: int) -> str:
 def title_of(run: RunData) -> str:
     """Return what was mapped: the names of the logs, not that of their poses; else that of the run."""
     poses = (run.manifest.get("configuration") or {}).get("poses") or ()
-    inputs = [str(row.get("path")) for row in run.manifest.get("inputs") or () if row.get("path") not in poses]
-    stems = dict.fromkeys(filter(None, map(log_stem, inputs)))
+    logs = [name for own in (run.manifest.get("logs") or {}).values() for name in own]
+    inputs = [str(row.get("path")) for row in run.manifest.get("inputs") or ()]
+    wanted = [path for path in inputs if (path in logs if logs else path not in poses)]
+    stems = dict.fromkeys(filter(None, map(log_stem, wanted)))
     return ", ".join(list(stems)[:2]) or run.name
 
 

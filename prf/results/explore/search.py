@@ -29,6 +29,8 @@ MOST_DISTANCES = 8_000_000
 """Beams that are cast at once."""
 LEAST_METRES = 1.0
 """Of way by which a gain is divided."""
+APART, MOST_SHOWN = 1.5, 6
+"""Metres between places that pictures show, and how many: beside the best lie many that are nearly as good."""
 RADIUS = 0.25
 """Of the disc that drives, metres, unless given."""
 By = Literal["gain", "gain-per-metre"]
@@ -72,12 +74,12 @@ class Exploration(NamedTuple):
     ways: tuple[Floats, ...]
     entropy: float
 
-    def apart(self, metres: float, most: int) -> list[int]:
-        """Return the numbers of the best places, each so many metres from all before it, with a gain that is sure."""
+    def shown(self) -> list[int]:
+        """Return the numbers of the best places for pictures: surely of some gain, and not beside a better one."""
         kept: list[int] = []
         for number in np.flatnonzero(self.low > 0.0).tolist():
             away = np.hypot(*(self.xy[kept] - self.xy[number]).T)
-            if len(kept) < most and (away >= metres).all():
+            if len(kept) < MOST_SHOWN and (away >= APART).all():
                 kept.append(number)
         return kept
 

@@ -54,7 +54,7 @@ def exact_gain(kinds: list[Coloring], number: np.ndarray, place: np.ndarray) -> 
 
 @pytest.mark.parametrize("place", [OPEN, np.array([8.0, 1.5])], ids=["before the screen", "behind it"])
 def test_a_few_maps_give_what_their_enumeration_gives(place: np.ndarray) -> None:
-    # The box is seen from both places. Before the screen it tells of the cupboard behind it, out of sight.
+    # The box is seen from both places. Before the screen it shows the cupboard behind it, out of sight.
     kinds = [room_with(SCREEN), room_with(SCREEN, CUPBOARD, BOX), room_with(SCREEN, BOX), room_with(SCREEN, SHELVES[0])]
     number = np.random.default_rng(2).choice(4, 240, p=[0.4, 0.3, 0.2, 0.1])
     found, entropy = gain_of([kinds[k] for k in number], place)
