@@ -29,6 +29,9 @@ IN_MODELS = (
 """Feature settings in the order of model files."""
 
 Direction = tuple[float, float, float]
+SurfaceKind = Literal["upright", "level", "tilted"]
+SURFACES: tuple[SurfaceKind, ...] = ("upright", "level", "tilted")
+"""Planes within 30 degrees of vertical, within 30 of horizontal, and between (:func:`mapq.patches.surface_kinds`)."""
 Reading = Literal["safe", "literal"]
 Context = Literal["outlines", "moments", "rays", "copies"]
 CONTEXTS: tuple[Context, ...] = ("outlines", "moments", "rays", "copies")
@@ -56,6 +59,12 @@ def parse_share(text: Any) -> Any:
     if not 0.0 <= share <= 1.0:
         raise ValueError("must be a share between 0 and 1 such as 0.05 or 5%")
     return share
+
+
+def split_words(words: Any) -> Any:
+    """Return words of which some are joined by commas, one by one; of a word alone those in it."""
+    given = [words] if isinstance(words, str) else words
+    return tuple(part.strip() for word in given for part in str(word).split(",")) if isinstance(given, list) else words
 
 
 Unit = Annotated[float, Field(ge=1e-9, le=1e6), BeforeValidator(parse_unit)]
@@ -152,13 +161,17 @@ class SegmentSettings(Table):
     max_variation: float | None = key(None, "", "of normals that count: 0 plane, 1/3 ball", gt=0, le=LARGEST)
     min_points: int = key(50, "", "smaller patches are dropped", ge=0, le=int(LARGEST))
     min_extent: float | None = key(None, "m", "narrower patches are dropped", ge=0, le=LARGEST)
-    max_tilt: float = key(30.0, "deg", "planes farther from vertical are dropped; 90 keeps all", "DEG", ge=0, le=90)
+    surfaces: Annotated[tuple[SurfaceKind, ...], BeforeValidator(split_words)] = key(
+        ("upright", "level"), "", "planes that are judged, of upright, level and tilted; joined by commas", "KIND,..."
+    )
     up: Direction = key((0.0, 0.0, 1.0), "", "the vertical, of any length")
 
     def check(self) -> None:
-        """Refuse a vertical without direction."""
+        """Refuse a vertical without direction, and no surfaces at all."""
         if not _is_direction(self.up):
             raise SettingError("must not be 0 0 0, nor so short or long that squares are", "up")
+        if not self.surfaces:
+            raise SettingError("must name one kind of surface at least", "surfaces")
 
 
 class FeatureSettings(Table):

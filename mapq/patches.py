@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mapq.cloud import PointCloud
+from mapq.configuration import SURFACES
 from mapq.labels import (
     FROM_FIELD,
     FROM_HAND,
@@ -32,6 +33,17 @@ from prf.shell.errors import ArgumentError
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+STEEP, FLAT = np.sin(np.radians([30.0, 60.0]))
+"""|up . normal| up to which a plane is upright, and from which it is level."""
+
+
+def surface_kinds(normal: NDArray[np.float64], up: ArrayLike) -> NDArray[np.uint8]:
+    """Return the place in `SURFACES` of the kind (m,) of planes with unit normals (m, 3); `up` (3,) of any length."""
+    direction = np.asarray(up, np.float64)
+    lean = np.abs(normal @ (direction / np.linalg.norm(direction)))
+    names = np.where(lean <= STEEP, "upright", np.where(lean >= FLAT, "level", "tilted"))
+    return np.array([SURFACES.index(name) for name in names.tolist()], np.uint8)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -108,6 +120,11 @@ class Patches:
     def counts(self) -> NDArray[np.int64]:
         """Number of points (m,) of each patch."""
         return np.bincount(self.patch[self.patch != NO_PATCH], minlength=len(self)).astype(np.int64)
+
+    @cached_property
+    def kinds(self) -> NDArray[np.uint8]:
+        """Place (m,) of each patch's kind in :data:`mapq.configuration.SURFACES`."""
+        return surface_kinds(self.normal, self.parameters.get("up", (0.0, 0.0, 1.0)))
 
     def label_at(self, tolerance: float) -> NDArray[np.uint8]:
         """Return the labels (m,) that are known at a tolerance in metres: suspicious is what is farther apart.

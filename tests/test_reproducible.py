@@ -43,7 +43,7 @@ def sampled(folder: Path, options: str) -> dict[str, bytes]:
 def classified(folder: Path) -> dict[str, Any]:
     """Return what ``mapq`` says of a small cloud: patches, labels, probabilities."""
     write_ply(str(folder / "walls.ply"), draw_patches(1, n_walls=12).cloud)
-    done("mapq classify walls.ply --max-tilt 90 -o result.ply -f", folder)
+    done("mapq classify walls.ply --surfaces upright,level,tilted -o result.ply -f", folder)
     rows = json.loads((folder / "result.json").read_text())["patches"]
     return {
         "patch": hashlib.sha256(read_cloud(str(folder / "result.ply")).fields["patch"].tobytes()).hexdigest(),

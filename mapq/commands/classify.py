@@ -56,7 +56,7 @@ MinCoverage = Annotated[
         "--min-coverage",
         metavar="SHARE",
         parser=parse_share,
-        help="With either, exit 1 too if fewer of the points on planes of any tilt are in judged patches.  [20%]",
+        help="With either, exit 1 too if fewer of the points on planes of any kind are in judged patches.  [20%]",
     ),
 ]
 GraphOut = Annotated[
@@ -276,7 +276,7 @@ def _check(file: str, result: Result, limits: Mapping[str, Any]) -> None:
         raise CheckFailed(f"{file}: scans disagree by {apart:.3f} m in the median, more than {fail_apart:g} m.")
     raise CheckFailed(
         f"{file}: only {verdict['coverage']:.1%} of the points on planes could be judged, less than "
-        f"{verdict['min_coverage']:.1%}. Judge more by --max-tilt, or lower --min-coverage."
+        f"{verdict['min_coverage']:.1%}. Judge more by --surfaces, or lower --min-coverage."
     )
 
 
@@ -335,10 +335,13 @@ def _pose_lines(found: CheckedPoses) -> Iterator[str]:
 
 def _judged(result: Result) -> str:
     """Return how much of the surface could be judged."""
-    counts, tilt = result.counts, result.patches.parameters.get("max_tilt", 90.0)
+    counts = result.counts
     share = "a share that is not known" if counts["coverage"] != counts["coverage"] else f"{counts['coverage']:.1%}"
-    which = "" if tilt >= 90.0 else f": those within {tilt:g} degrees of vertical, so no floors or ceilings"
-    return f"{share} of the points on planes{which}"
+    parts = [
+        f"{name} {each['area_m2']:.1f} m2, {each['share_of_area']:.1%} suspicious"
+        for name, each in counts["by_surface"].items()
+    ]
+    return f"{share} of the points on planes" + (": " if parts else "") + "; ".join(parts)
 
 
 def _tolerance(result: Result, limits: Mapping[str, Any]) -> str:

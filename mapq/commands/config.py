@@ -6,7 +6,7 @@ from prf.shell.cli.options import Assignments, ConfigAction, ConfigFile, ConfigW
 
 EXAMPLES = (
     "mapq config show > site.toml",
-    "mapq config show site.toml --preset ouster-os1-64 --set segment.max_tilt=15",
+    "mapq config show site.toml --preset ouster-os1-64 --set segment.min_points=100",
     "mapq config presets velodyne-vlp16",
 )
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 EXAMPLES = (
     "mapq segment map.ply",
-    "mapq segment map.pcd -o walls.patches --max-tilt 15 --json",
+    "mapq segment map.pcd -o walls.patches --surfaces upright --json",
     "mapq segment scans --poses trajectory.tum",
     "mapq segment survey.laz --preset survey-scanner --set segment.min_points=100",
 )
@@ -95,9 +95,8 @@ def _rows(cloud: str, target: str, patches: Patches) -> Iterator[tuple[str, obje
         yield "max angle", f"{used['max_angle']:.3g} degrees"
         for name in ("max_variation", "neighbours", "min_points"):
             yield name.replace("_", " "), f"{used[name]:.3g}"
-    yield "max tilt", f"{used['max_tilt']:g} degrees from vertical, up {used['up']}"
-    for name, why in (("dropped_for_tilt", "too far from vertical"), ("dropped_as_small", "too small")):
-        dropped = report[name]
+    yield "surfaces", f"{', '.join(used['surfaces'])}; up {used['up']}"
+    for why, dropped in (*report["not_judged"].items(), ("too small", report["dropped_as_small"])):
         yield "dropped", f"{dropped['patches']} {why}: {dropped['points']} points, {dropped['area']:.1f} m2"
     yield "largest", ", ".join(str(n) for n in patches.counts[:8].tolist()) or "none"
     yield "patches", f"{report['patches']} of {report['points_in_patches']} points, {report['area']:.1f} m2"

@@ -68,7 +68,9 @@ def _facts(findings: Findings) -> Iterator[tuple[str, str]]:
     # By the JSON, as all else here: of a result in tiles not all points are at hand.
     n_points = counts.get("n_points")
     share = counts["n_points_in_patches"] / n_points if n_points else None
-    yield "judged", f"{percent(counts.get('coverage'))} of the points that lie on planes of any tilt"
+    yield "judged", f"{percent(counts.get('coverage'))} of the points that lie on planes of any kind"
+    for name, each in (counts.get("by_surface") or {}).items():
+        yield name, f"{number(each.get('area_m2'))} m², {percent(each.get('share_of_area'))} of it suspicious"
     yield "points", f"{number(n_points, 0)}, {percent(share)} of them in patches; the others are not judged"
     if len(findings.rows) < len(findings.label):
         yield (
@@ -108,7 +110,7 @@ def map_table(findings: Findings) -> str:
         ("patches", number(len(findings.label), 0)),
         ("spacing", number(cut.get("spacing"), 3, " m")),
         ("noise", number(cut.get("noise"), 3, " m")),
-        ("judged up to", number(cut.get("max_tilt"), 0, "° from upright")),
+        ("surfaces judged", escape(", ".join(cut.get("surfaces") or ())) or DASH),
     )
     return _plain(rows)
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mapq.configuration import SURFACES
 from mapq.crf.calibration import cut_probability
 from mapq.io.results import CLOUD_UNIT
 
@@ -62,7 +63,25 @@ def counts_of(result: Result) -> dict[str, Any]:
         "area_suspicious_m2": float(result.area[bad].sum()),
         "share_of_area": share_of(float(result.area[bad].sum()), area),
         "expected_share_of_area": share_of(float(result.area @ result.labelling.probability), area),
+        "by_surface": by_surface(result),
     }
+
+
+def by_surface(result: Result) -> dict[str, dict[str, Any]]:
+    """Return how many patches of each kind there are, their points and area, and how much of it is suspicious."""
+    found = {}
+    for number, name in enumerate(SURFACES):
+        mine = result.patches.kinds == number
+        if mine.any():
+            area, bad = float(result.area[mine].sum()), float(result.area[mine & result.is_suspicious].sum())
+            found[name] = {
+                "n_patches": int(mine.sum()),
+                "n_points": int(result.patches.counts[mine].sum()),
+                "area_m2": area,
+                "area_suspicious_m2": bad,
+                "share_of_area": share_of(bad, area),
+            }
+    return found
 
 
 def share_of(part: float, whole: float) -> float:
@@ -110,6 +129,7 @@ def patch_rows(result: Result) -> Iterator[dict[str, Any]]:
             "n_points": int(result.patches.counts[patch]),
             "centroid": rounded(centroids[patch]),
             "normal": rounded(result.patches.normal[patch]),
+            "surface": SURFACES[int(result.patches.kinds[patch])],
             **{name: round(value, DECIMALS) for name, value in shape if name != "n_points"},
             **_disagreement(*disagreement[patch].tolist()),
             "region": region_of.get(patch),

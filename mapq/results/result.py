@@ -170,12 +170,12 @@ class Result:
 
     @property
     def coverage(self) -> float:
-        """Share of the points on planes of any tilt that are in patches, and so judged; nan where that is not known."""
-        dropped = self.patches.report.get("dropped_for_tilt")
-        if not isinstance(dropped, Mapping) or "points" not in dropped:
+        """Share of the points on planes of any kind that are in patches, and so judged; nan where that is not known."""
+        others = self.patches.report.get("not_judged")
+        if not isinstance(others, Mapping):
             return float("nan")
         judged = int(self.patches.counts.sum())
-        return judged / max(judged + int(dropped["points"]), 1)
+        return judged / max(judged + sum(int(each["points"]) for each in others.values()), 1)
 
     @property
     def counts(self) -> dict[str, Any]:

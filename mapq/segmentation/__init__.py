@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 from mapq.axes import GroundPlan, turn
 from mapq.cloud import PointCloud
-from mapq.configuration import SegmentSettings
+from mapq.configuration import SURFACES, SegmentSettings
 from mapq.kernels.planes import MOMENTS
 from mapq.kernels.regions import PLANE_BITS, number_plane_cells, sum_regions
-from mapq.patches import Patches
+from mapq.patches import Patches, surface_kinds
 from mapq.segmentation.parameters import Parameters, choose_parameters
 from mapq.segmentation.points import Points, sort_points
 from mapq.segmentation.regions import MERGE_RMS, Core, Fits, find_regions, fit_sums, make_core, merge, spread_out
@@ -172,7 +172,7 @@ def join_regions(tiles: Sequence[Regions], pairs: Ints, chosen: Parameters) -> J
     area = np.bincount(group, area, n_groups).astype(np.float64)
     earliest = np.full(n_groups, np.iinfo(np.uint64).max, np.uint64)
     np.minimum.at(earliest, group, first)
-    kept = np.flatnonzero(is_large(fits, chosen) & is_upright(fits.planes, chosen))
+    kept = np.flatnonzero(is_large(fits, chosen) & is_judged(fits.planes, chosen))
     order = kept[np.lexsort((earliest[kept], -n_points[kept]))]
     number = np.full(n_groups, -1, np.int32)
     number[order] = np.arange(len(order))
@@ -208,12 +208,13 @@ def translate(sums: Floats, by: Floats) -> Floats:
 
 def report_of(fits: Fits, chosen: Parameters, n_points: Ints, areas: Floats) -> dict[str, Any]:
     """Return the report's part on regions (m): which are patches, and what was dropped."""
-    large, upright = is_large(fits, chosen), is_upright(fits.planes, chosen)
-    kept = large & upright
+    large, kind = is_large(fits, chosen), surface_kinds(fits.planes[:, :3], chosen.up)
+    kept = large & is_judged(fits.planes, chosen)
+    others = [name for name in SURFACES if name not in chosen.surfaces]
     return {
         "patches": int(np.count_nonzero(kept)),
         "points_in_patches": int(n_points[kept].sum()),
-        "dropped_for_tilt": _tally(large & ~upright, n_points, areas),
+        "not_judged": {name: _tally(large & (kind == SURFACES.index(name)), n_points, areas) for name in others},
         "dropped_as_small": _tally(~large & (fits.sums[:, 0] > 0), n_points, areas),
     }
 
@@ -225,10 +226,9 @@ def is_large(fits: Fits, chosen: Parameters) -> NDArray[np.bool_]:
     return np.asarray(wide & (fits.sums[:, 0] >= max(chosen.min_points, 3)))
 
 
-def is_upright(planes: Floats, chosen: Parameters) -> NDArray[np.bool_]:
-    """Return which planes (m,) are within the tilt allowed from vertical."""
-    tilt = np.degrees(np.arcsin(np.clip(np.abs(planes[:, :3] @ chosen.up), 0.0, 1.0)))
-    return np.asarray(~(tilt > chosen.max_tilt))
+def is_judged(planes: Floats, chosen: Parameters) -> NDArray[np.bool_]:
+    """Return which planes (m,) are of a kind that is judged."""
+    return np.isin(surface_kinds(planes[:, :3], chosen.up), [SURFACES.index(name) for name in chosen.surfaces])
 
 
 def region_areas(xyz: Floats, region: NDArray[np.int32], planes: Floats, cell: float) -> Floats:
@@ -245,9 +245,11 @@ def region_areas(xyz: Floats, region: NDArray[np.int32], planes: Floats, cell: f
 def warnings_of(chosen: Parameters, n_far: int, found: dict[str, Any]) -> list[str]:
     """Return a sentence for each reason why patches of a cloud are few or doubtful."""
     warnings = []
-    tilted, small = found["dropped_for_tilt"]["patches"], found["dropped_as_small"]["patches"]
-    if found["patches"] == 0 and tilted:
-        warnings.append(f"no patches: all {tilted} found are tilted too far from vertical. --max-tilt 90 keeps them.")
+    other = {name: each["patches"] for name, each in found["not_judged"].items() if each["patches"]}
+    small = found["dropped_as_small"]["patches"]
+    if found["patches"] == 0 and other:
+        names = ",".join(other)
+        warnings.append(f"no patches: all {sum(other.values())} planes found are {names}. Judge them by --surfaces {names}.")
     elif found["patches"] == 0 and small:
         warnings.append(
             f"no patches: all {small} regions found are too small. Lower segment.min_points or segment.min_extent."

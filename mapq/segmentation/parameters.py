@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from mapq.axes import turn
 from mapq.configuration import SegmentSettings
 from mapq.kernels.cells import LEVELS, pick_one_a_cell
+from mapq.patches import STEEP
 from mapq.segmentation.points import LARGE_SAMPLE, SAMPLE, Points, Sample, look_at, usual_noise
 
 ENOUGH_FLAT, FEW_LINES, NEARLY_BEST = 0.5, 0.05, 0.9
@@ -20,8 +21,8 @@ FEWEST = 200
 COARSEST = 8.0
 """Times the spacing of all points: coarser levels are not tried, as anything looks flat from far enough away. Lines of
 a scanner may be the square of this times as far apart as the points along them."""
-TILT_MARGIN = 15.0
-"""Degrees by which a neighbourhood may be farther from vertical than the patches that are kept, to count as theirs."""
+MARGIN = 15.0
+"""Degrees by which a neighbourhood may be farther from vertical than upright planes, to count as theirs."""
 ENOUGH = 100
 """Flat neighbourhoods of the sample from which on they alone determine spacing and noise."""
 
@@ -78,7 +79,7 @@ def measure(points: Points, level: int, settings: SegmentSettings, n_sample: int
     """
     _, xyz, code = representatives(points, level)
     sample = look_at(xyz, code, points.frame, settings.neighbours, n_sample)
-    ours = sample.narrow | upright(sample, settings)
+    ours = sample.narrow | is_wanted(sample, settings)
     flat = ours & sample.flat
     if np.count_nonzero(flat) < ENOUGH:
         ours, flat = np.ones(len(ours), bool), sample.flat
@@ -90,11 +91,15 @@ def measure(points: Points, level: int, settings: SegmentSettings, n_sample: int
     )
 
 
-def upright(sample: Sample, settings: SegmentSettings) -> NDArray[np.bool_]:
-    """Return which neighbourhoods (s,) face as patches that will be kept, with a margin."""
+def is_wanted(sample: Sample, settings: SegmentSettings) -> NDArray[np.bool_]:
+    """Return by which neighbourhoods (s,) spacing and noise are measured: upright ones, where such planes are judged.
+
+    A rough wall is then not measured by a smooth road. If all kinds are judged, or upright ones not, all count.
+    """
+    if "upright" not in settings.surfaces or set(settings.surfaces) >= {"upright", "tilted"}:
+        return np.ones(len(sample.normal), bool)
     up = np.asarray(settings.up) / np.linalg.norm(settings.up)
-    limit = np.sin(np.radians(min(settings.max_tilt + TILT_MARGIN, 90.0)))
-    return np.asarray(np.abs(sample.normal @ up) <= limit)
+    return np.asarray(np.abs(sample.normal @ up) <= np.sin(np.arcsin(STEEP) + np.radians(MARGIN)))
 
 
 def level_of(points: Points, resolution: float) -> int:
@@ -144,12 +149,12 @@ class Parameters(NamedTuple):
     max_variation: float
     min_points: int
     min_extent: float
-    max_tilt: float
+    surfaces: tuple[str, ...]
     up: NDArray[np.float64]
 
     def described(self, quarter: int) -> dict[str, Any]:
         """Return them as :class:`mapq.patches.Patches` keeps them, in the axes before these quarter turns."""
-        values = {**self._asdict(), "up": turn(self.up, -quarter).tolist()}
+        values = {**self._asdict(), "up": turn(self.up, -quarter).tolist(), "surfaces": list(self.surfaces)}
         del values["level"]
         return values
 
@@ -175,7 +180,7 @@ def choose_parameters(points: Points, settings: SegmentSettings, quarter: int) -
         max_variation=_given(settings.max_variation, MAX_VARIATION),
         min_points=settings.min_points,
         min_extent=_given(settings.min_extent, EXTENT_IN_SPACING * scale.spacing),
-        max_tilt=settings.max_tilt,
+        surfaces=settings.surfaces,
         up=np.asarray(settings.up, np.float64) / float(np.linalg.norm(settings.up)),
     )
 

@@ -109,7 +109,7 @@ def config(tool: str, *args: object) -> int:
 def config_site(tmp_path: Path) -> Path:
     file = tmp_path / "site.toml"
     file.write_text(
-        'preset = "velodyne-vlp16"\n[segment]\nmin_points = 30\nmax_tilt = 80\n'
+        'preset = "velodyne-vlp16"\n[segment]\nmin_points = 30\nsurfaces = ["level"]\n'
         "[features]\nradius = 2.5\n[crf]\nregularisation = 3\nmax_false_alarms = 0.2\n"
     )
     return file
@@ -165,12 +165,12 @@ def test_errors_are_one_line(tool, args, code, capsys):
 
 def test_segment_takes_options_over_the_file_over_the_preset(capsys, tmp_path, config_site):
     cloud, target = save_cloud(tmp_path), tmp_path / "m.patches"
-    used = call_json(capsys, "segment", cloud, "--config", config_site, "--max-tilt", 70, "-o", target)["parameters"]
-    assert (used["noise"], used["min_points"], used["max_tilt"]) == (0.03, 30, 70.0)
+    used = call_json(capsys, "segment", cloud, "--config", config_site, "--surfaces", "upright", "-o", target)["parameters"]
+    assert (used["noise"], used["min_points"], used["surfaces"]) == (0.03, 30, ["upright"])
     assert read_patches(str(target)).report["sources"] == {
         "noise": "preset velodyne-vlp16: [segment] noise",
         "min_points": f"{config_site}: [segment] min_points",
-        "max_tilt": "--max-tilt",
+        "surfaces": "--surfaces",
     }
     args = ("segment", cloud, "--set", "segment.max_gap=0.5", "-o", target, "-f")
     assert call_json(capsys, *args)["parameters"]["max_gap"] == 0.5

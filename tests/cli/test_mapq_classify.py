@@ -44,9 +44,9 @@ def test_the_result_has_both_files_and_the_contract_s_fields(capsys, tmp_path, m
 
 def test_a_cloud_is_segmented_first(capsys, tmp_path):
     path, target = save_cloud(tmp_path), tmp_path / "r.ply"
-    result = call_json(capsys, "classify", path, "--model", save_model(tmp_path), "-o", target, "--max-tilt", 20)
+    result = call_json(capsys, "classify", path, "--model", save_model(tmp_path), "-o", target, "--surfaces", "upright,tilted")
     assert result["counts"]["n_points"] == len(draw_patches(1).cloud)
-    assert result["segmentation"]["parameters"]["max_tilt"] == 20
+    assert result["segmentation"]["parameters"]["surfaces"] == ["upright", "tilted"]
 
 
 def test_a_result_can_be_classified_anew(capsys, tmp_path):
@@ -89,7 +89,7 @@ def test_a_tolerance_that_the_model_did_not_learn_is_an_error_in_one_line(capsys
 def test_a_map_of_which_little_was_judged_fails_in_one_line(capsys, tmp_path, options, code):
     patches = draw_patches(1)
     judged = int(patches.counts.sum())
-    report = {"dropped_for_tilt": {"patches": 1, "points": 9 * judged, "area": 1.0}}
+    report = {"not_judged": {"level": {"patches": 1, "points": 9 * judged, "area": 1.0}}}
     path, target = tmp_path / "flat.patches", tmp_path / "r.ply"
     write_patches(path, replace(patches, report=report))
     args = ["classify", path, "--model", save_model(tmp_path), "-o", target, "--fail-over", "100%", *options]

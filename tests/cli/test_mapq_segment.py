@@ -43,7 +43,7 @@ def test_table_for_a_person_and_the_file_beside_the_cloud(capsys, map_ply):
     )
     assert rows["patches"].startswith("2 of ")
     assert rows["output"] == map_ply.replace(".ply", ".patches")
-    for name in ("spacing", "max distance", "dropped", "max tilt"):
+    for name in ("spacing", "max distance", "dropped", "surfaces"):
         assert f"\n{name}" in out
     patches = read_patches(rows["output"])
     assert len(patches) == 2
@@ -79,9 +79,9 @@ def test_json_has_parameters_and_report(capsys, map_ply, tmp_path):
 def test_no_patches_is_a_result_with_a_warning(capsys, tmp_path):
     path = tmp_path / "ground.ply"
     write_ply(str(path), PointCloud.from_world(ground(np.random.default_rng(1))))
-    code, out, err = run(capsys, str(path))
+    code, out, err = run(capsys, str(path), "--surfaces", "upright,tilted")
     assert code == 0
-    assert "no patches: all 1 found are tilted too far from vertical" in err
+    assert "no patches: all 1 planes found are level. Judge them by --surfaces level." in err
     assert "patches         0 of 0 points" in out
     assert len(read_patches(str(path.with_suffix(".patches")))) == 0
 

@@ -224,7 +224,7 @@ CASES = (
     (f"{CLASSIFY} -o out.json", 2, "two files"),
     (f"{CLASSIFY} -o out/", 2, "name of a folder"),
     ("mapq segment cloud.ply -o out/", 2, "name of a folder"),
-    (f"{CLASSIFY} -o out.ply --max-tilt 10", 2, "segmented already"),
+    (f"{CLASSIFY} -o out.ply --surfaces level", 2, "segmented already"),
     (f"{CLASSIFY} -o out.ply --unit ft", 2, "holds its unit"),
     (f"{CLASSIFY} -o out.ply --topic t", 2, "Leave out --topic"),
     (f"{CLASSIFY} -o no/such/folder/out.ply", 4, "does not exist). Make it first"),
@@ -241,7 +241,7 @@ CASES = (
     ("mapq render cloud.ply -o out.txt", 2, "out.txt"),
     ("mapq segment cloud.ply -o out.patches --set crf.folds=3", 2, "not read here"),
     ("mapq segment -", 2, "Name the output with -o"),
-    ("mapq segment cloud.ply --max-tilt 95 -o out.patches", 2, "--max-tilt = 95"),
+    ("mapq segment cloud.ply --surfaces round -o out.patches", 2, "--surfaces = "),
     *(
         (f"mapq {line} --config bad.toml", 2, "bad.toml: unknown table [sonar]")
         for line in ("segment cloud.ply", "features walls.patches", "train walls.patches", "classify walls.patches")

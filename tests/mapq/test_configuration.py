@@ -29,12 +29,12 @@ READ = ("segment", "features", "crf", "cloud")
 
 def test_the_values_reach_the_tables() -> None:
     texts = ["segment.neighbours=20", "features.watched=3", "features.context=['rays']", "crf.class_weight=none"]
-    loaded = load_options(Configuration, {"assignments": texts, "max_tilt": 15.0, "unit": "ft"}, READ)
-    assert loaded.settings.segment == SegmentSettings(neighbours=20, max_tilt=15.0)
+    loaded = load_options(Configuration, {"assignments": texts, "surfaces": ["upright,tilted"], "unit": "ft"}, READ)
+    assert loaded.settings.segment == SegmentSettings(neighbours=20, surfaces=("upright", "tilted"))
     assert loaded.settings.features == FeatureSettings(watched=3, context=("rays",))
     assert loaded.settings.crf == TrainSettings(class_weight="none")
     assert loaded.settings.cloud == ReadOptions(unit=0.3048)
-    assert sources_of(loaded, "segment") == {"neighbours": "--set segment.neighbours", "max_tilt": "--max-tilt"}
+    assert sources_of(loaded, "segment") == {"neighbours": "--set segment.neighbours", "surfaces": "--surfaces"}
     assert typed_keys(loaded, "features") == ["watched", "context"]
 
 
@@ -47,7 +47,7 @@ def test_scans_are_found_and_merged_by_one_table() -> None:
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("segment.max_tilt=95", r"^--set segment\.max_tilt = 95: must be at most 90"),
+        ("segment.surfaces=round", r"^--set segment\.surfaces = .*must be"),
         ("segment.max_gap=0", r"^--set segment\.max_gap = 0: must be above 0"),
         ("segment.up=[0,0,0]", r"^--set segment\.up: must not be 0 0 0"),
         ("features.radius=0", r"^--set features\.radius = 0: must be above 0"),
@@ -66,7 +66,7 @@ def test_values_outside_their_domain_are_named(text: str, words: str) -> None:
 @pytest.mark.parametrize(
     ("table", "values", "words"),
     [
-        (SegmentSettings, {"max_tilt": 91}, "^max_tilt = 91: must be at most 90"),
+        (SegmentSettings, {"surfaces": ()}, "^surfaces: must name one kind"),
         (FeatureSettings, {"up": (0.0, 0.0, 0.0)}, "^up: must not be 0 0 0"),
         (FeatureSettings, {"n_neighbours": 4}, "^n_neighbours: unknown key. Did you mean neighbours"),
         (ReadOptions, {"unit": 0.0}, "^unit = 0"),

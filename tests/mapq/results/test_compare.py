@@ -141,7 +141,7 @@ def test_disagreement_does_not_decide_where_it_is_known_of_little(maps):
 
 def test_a_result_file_knows_disagreement_and_coverage(tmp_path, maps):
     patches = sample_patches(STREET, density=20.0)
-    report = {"dropped_for_tilt": {"patches": 1, "points": int(patches.counts.sum()), "area": 1.0}}
+    report = {"not_judged": {"level": {"patches": 1, "points": int(patches.counts.sum()), "area": 1.0}}}
     cloud = patches.cloud.with_fields(scan=np.arange(len(patches.cloud)) % 2)
     result = assess(replace(patches, cloud=cloud, report=report), make_model())
     path = str(tmp_path / "r.ply")
@@ -286,7 +286,7 @@ def test_the_verdict_is_that_of_the_area(result, fail_over, passed):
 @pytest.mark.parametrize(("dropped", "passed"), [(3, True), (4, True), (5, False)])
 def test_a_map_passes_only_where_enough_of_it_was_judged(result, dropped, passed):
     judged = int(result.patches.counts.sum())
-    report = {"dropped_for_tilt": {"patches": 1, "points": dropped * judged, "area": 1.0}}
+    report = {"not_judged": {"level": {"patches": 1, "points": dropped * judged, "area": 1.0}}}
     some = replace(result, patches=replace(result.patches, report=report))
     assert some.coverage == some.counts["coverage"] == 1.0 / (1 + dropped)
     assert some.verdict(1.0)["passed"] is passed

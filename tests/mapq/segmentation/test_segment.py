@@ -5,14 +5,14 @@ import pytest
 
 from benchmarks.plane_scores import score_segmentation
 from mapq.cloud import PointCloud
-from mapq.configuration import SegmentSettings
+from mapq.configuration import SURFACES, SegmentSettings
 from mapq.features import measure_shapes
 from mapq.patches import Patches
 from mapq.segmentation import segment
 from prf.shell.errors import InputError
 from tests.reference.mapq_segment import cloud_of, ground, plane_of, scan_lines, wall
 
-ALL = SegmentSettings(max_tilt=90.0)
+ALL = SegmentSettings(surfaces=SURFACES)
 
 
 def rng(seed: int = 0) -> np.random.Generator:
@@ -209,11 +209,13 @@ class TestTraps:
 
 
 class TestFilters:
-    def test_what_is_not_upright_is_dropped_and_counted(self) -> None:
+    def test_kinds_that_are_not_judged_are_dropped_and_counted(self) -> None:
         cloud, truth = cloud_of(wall(rng(1)), ground(rng(2), 20))
-        kept, everything = segment(cloud), segment(cloud, ALL)
-        assert (len(kept), len(everything)) == (1, 2)
-        dropped = kept.report["dropped_for_tilt"]
+        kept, usual = segment(cloud, SegmentSettings(surfaces=("upright",))), segment(cloud)
+        assert (len(kept), len(usual), len(segment(cloud, ALL))) == (1, 2, 2)
+        assert [SURFACES[kind] for kind in usual.kinds] == ["level", "upright"]
+        assert set(usual.report["not_judged"]) == {"tilted"}
+        dropped = kept.report["not_judged"]["level"]
         assert dropped["patches"] == 1
         assert dropped["points"] == pytest.approx(np.count_nonzero(truth == 1), rel=0.05)
         assert dropped["area"] == pytest.approx(400.0, rel=0.1)
@@ -244,7 +246,7 @@ def test_crossing_copies_a_corner_the_ground_and_outliers() -> None:
     corner = wall(few_rng(3), 3.0, 2.5, 0.2, degrees=90.0, start=3.5)
     strays = few_rng(4).uniform(-3.0, 3.0, (40, 3))
     cloud, truth = cloud_of(*copies, corner, ground(few_rng(5), 5.0, 0.25), strays)
-    patches = segment(cloud, SegmentSettings(max_tilt=90.0))
+    patches = segment(cloud, SegmentSettings(surfaces=SURFACES))
     score = score_segmentation(patches.patch, truth)
     assert len(patches) == 4
     assert len({*score.best_patch[:4].tolist()}) == 4

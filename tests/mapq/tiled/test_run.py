@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from mapq.cloud import PointCloud
-from mapq.configuration import AS_IT_IS, Configuration, SegmentSettings, TileSettings
+from mapq.configuration import AS_IT_IS, SURFACES, Configuration, SegmentSettings, TileSettings
 from mapq.io import read_cloud, write_cloud
 from mapq.io.tiles import open_map
 from mapq.model import Model
@@ -136,7 +136,7 @@ def test_the_ground_spans_tiles_and_large_patches_are_thinned(town, model, monke
     found = []
     for most in (10**9, 20_000):
         monkeypatch.setattr("mapq.tiled.measure.LARGEST_PATCH", most)
-        settings = Configuration(tiles=TileSettings(tile_points=N_POINTS // 9), segment=SegmentSettings(max_tilt=90.0))
+        settings = Configuration(tiles=TileSettings(tile_points=N_POINTS // 9), segment=SegmentSettings(surfaces=SURFACES))
         with work_folder(str(town)) as folder:
             cut = cut_map(open_map(str(town), AS_IT_IS), settings, map, folder)
             found.append(assess_map(cut, settings, model, map))
