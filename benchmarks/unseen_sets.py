@@ -32,6 +32,8 @@ PAIRED = 6
 SIZES = (0.3, 0.4, 0.6, 1.0)
 """Metres. Suspicious is what lies more than 0.3 m off along its normal: displacements of 0.3 m make none, and serve the
 share of area against the size of error alone."""
+RISES = (("raised", 0.15, 1, 1), ("raised", 0.3, 2, 1), ("rising", 0.3, 1, 1), ("raised", 0.3, 1, 6))
+"""Errors of height: of the second half, or growing along the way."""
 MANY = 6
 """Scans from which on two are displaced, not one."""
 DEGREES = 1.0
@@ -52,7 +54,7 @@ class Map(NamedTuple):
     kind : str
         `RIGHT`, `WRONG` or `ALONE`.
     error : str
-        ``halves``, ``drift``, ``scans``, ``published``, ``raw``, ``chained``, or nothing.
+        ``halves``, ``drift``, ``scans``, ``raised``, ``rising``, ``published``, ``raw``, ``chained``, or nothing.
     size : float
         Metres of the error; nan where it is not made.
     seed, thinned : int
@@ -127,6 +129,7 @@ def _wrong(place: str, load: Callable[[Path], PosedScans], data: Path) -> Iterat
     else:
         errors += [("drift", 0.6, 2, 1), ("drift", 1.0, 1, 1), ("scans", 0.4, 1, 1), ("scans", 1.0, 2, 1)]
         errors += [("halves", 0.6, 1, PAIRED), ("scans", 1.0, 2, PAIRED)]
+    errors += RISES if len(load(data)) > 2 else [row for row in RISES if row[0] == "raised"]
     for error, size, seed, thinned in errors:
         name = f"{place}-{error}-{size:g}-seed{seed}-{thinned}"
         row = Map(name, place, WRONG, error, size, seed, thinned)
@@ -143,8 +146,11 @@ def wrong_poses(poses: np.ndarray, error: str, size: float, seed: int) -> np.nda
         return displaced(poses, PerturbSettings(missed_loop=(size, 0.0)), seed)
     if error == "drift":
         return displaced(poses, PerturbSettings(drift=(size, DEGREES * size)), seed)
-    rng = np.random.default_rng(seed)
-    moved = poses.copy()
+    rng, moved, n = np.random.default_rng(seed), poses.copy(), len(poses)
+    if error in ("raised", "rising"):
+        share = np.linspace(0.0, 1.0, n) if error == "rising" else (np.arange(n) >= n // 2).astype(float)
+        moved[:, 2, 3] += size * rng.choice([-1.0, 1.0]) * share
+        return moved
     for scan in 1 + rng.permutation(len(poses) - 1)[: 2 if len(poses) >= MANY else 1]:
         angle = rng.uniform(0.0, 2.0 * np.pi)
         moved[scan, :2, 3] += size * np.array([np.cos(angle), np.sin(angle)])

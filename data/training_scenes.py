@@ -214,6 +214,12 @@ def add_plant(builder: SceneBuilder, place: Floats, rng: Rng) -> None:
     builder.blob(np.array([*place, height]), (rng.uniform(0.2, 0.6), height), rng.uniform(2.0, 8.0))
 
 
+def add_grass(builder: SceneBuilder, place: Floats, base: float, rng: Rng) -> None:
+    """Add a patch of grass or low plants on the ground."""
+    tall = rng.uniform(0.05, 0.4)
+    builder.blob(np.array([*place, base]), (rng.uniform(0.8, 3.5), tall), rng.uniform(1.0, 12.0))
+
+
 def add_tree(builder: SceneBuilder, place: Floats, base: float, rng: Rng) -> None:
     """Add a trunk with a crown of one to three clouds of leaves."""
     height = rng.uniform(2.5, 6.0)
@@ -305,6 +311,35 @@ def furnish(builder: SceneBuilder, area: Rect, height: float, rng: Rng) -> None:
             add_wall(builder, *ends, (0.1, low + 0.4), rng.uniform(0.03, 0.08), ())
     if width * depth > 80.0 and rng.random() < 0.7:
         _add_pillars(builder, area, height, rng)
+    if rng.random() < 0.5:
+        _add_level_ones(builder, area, height, rng)
+
+
+def _add_level_ones(builder: SceneBuilder, area: Rect, height: float, rng: Rng) -> None:
+    """Add what lies close to a floor or a ceiling: carpets and platforms, panels, lamps and ducts."""
+    for _ in range(int(rng.integers(1, 4))):
+        place, turn = _place(area, rng), float(rng.choice([0.0, 0.0, rng.uniform(0.0, np.pi)]))
+        half = (rng.uniform(0.4, 2.5), rng.uniform(0.3, 1.5))
+        choice = rng.random()
+        if choice < 0.35:
+            add_slab(builder, place, half, rng.uniform(0.005, 0.03), turn)
+        elif choice < 0.55:
+            add_box(builder, place, half, (0.0, rng.uniform(0.08, 0.4)), turn)
+        elif choice < 0.8:
+            drop = rng.uniform(0.05, 0.5)
+            add_box(builder, place, half, (height - drop - rng.uniform(0.02, 0.1), height - drop), turn)
+        else:
+            duct = (0.5 * (area[2] - area[0]), rng.uniform(0.15, 0.4))
+            middle = np.array([0.5 * (area[0] + area[2]), place[1]])
+            drop = rng.uniform(0.02, 0.4)
+            add_box(builder, middle, duct, (height - drop - rng.uniform(0.2, 0.5), height - drop))
+
+
+def add_slab(builder: SceneBuilder, centre: Floats, half: tuple[float, float], z: float, heading: float = 0.0) -> None:
+    """Add a level rectangle that is seen from above alone: a carpet, a slab."""
+    c, s = np.cos(heading), np.sin(heading)
+    one, other = half[0] * np.array([c, s, 0.0]), half[1] * np.array([-s, c, 0.0])
+    builder.sheet(np.array([*centre, z]) - one - other, 2.0 * one, 2.0 * other, Kind.GROUND)
 
 
 def _add_pillars(builder: SceneBuilder, area: Rect, height: float, rng: Rng) -> None:
@@ -547,6 +582,9 @@ def _add_garden(builder: SceneBuilder, lot: Line, level: float, rng: Rng) -> Non
     for _ in range(int(rng.integers(0, 3))):
         inside = lot.start + rng.uniform(1.0, lot.length - 1.0) * lot.along + rng.uniform(2.0, 5.0) * lot.inward
         add_tree(builder, inside, level, rng)
+    for _ in range(int(rng.integers(0, 6))):
+        inside = lot.start + rng.uniform(1.0, lot.length - 1.0) * lot.along + rng.uniform(1.0, 8.0) * lot.inward
+        add_grass(builder, inside, level, rng)
     if rng.random() < 0.5 and lot.length > 8.0:
         add_shed(builder, lot.shifted(3.0).piece(1.0, lot.length - 1.0), rng)
 
@@ -568,7 +606,10 @@ def _add_roadside(builder: SceneBuilder, row: Line, base: Callable[[Floats], flo
     """Add a kerb, parked vehicles, trees, lamps and boxes along a row, on the side of the street."""
     kerb = row.shifted(-rng.uniform(1.5, 3.0))
     if base(row.start) == base(row.end):
-        builder.wall(kerb.start, kerb.end, (0.0, rng.uniform(0.08, 0.18)), Kind.KERB)
+        rise = rng.uniform(0.08, 0.18)
+        builder.wall(kerb.start, kerb.end, (0.0, rise), Kind.KERB)
+        sides = np.array([*(row.start - kerb.start), 0.0]), np.array([*(kerb.end - kerb.start), 0.0])
+        builder.sheet(np.array([*kerb.start, rise]), *sides, Kind.GROUND)
     heading, share, place = float(np.arctan2(row.along[1], row.along[0])), rng.uniform(0.0, 0.8), 3.0
     while place < row.length - 5.0:
         where = row.start + place * row.along
@@ -641,6 +682,10 @@ def build_quad(builder: SceneBuilder, rng: Rng) -> Built:
             _add_arcade(builder, line.shifted(-rng.uniform(1.8, 3.0)), rng)
     for _ in range(int(rng.integers(0, 10))):
         add_tree(builder, _place((0.0, 0.0, *size), rng, 3.0), 0.0, rng)
+    for _ in range(int(rng.integers(0, 8))):
+        add_grass(builder, _place((0.0, 0.0, *size), rng, 3.0), 0.0, rng)
+        half = (rng.uniform(1.0, 6.0), rng.uniform(0.5, 3.0))
+        add_slab(builder, _place((0.0, 0.0, *size), rng, 5.0), half, rng.uniform(0.02, 0.2), rng.uniform(0.0, 3.0))
     for _ in range(int(rng.integers(4, 24))):
         half = (rng.uniform(0.4, 2.0), rng.uniform(0.2, 0.8))
         add_box(builder, _place((0.0, 0.0, *size), rng, 2.0), half, (0.0, rng.uniform(0.4, 1.8)), rng.uniform(0.0, 3.0))

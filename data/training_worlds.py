@@ -493,7 +493,28 @@ def wrong_poses(poses: Floats, rng: Rng) -> tuple[Floats, str]:
         moved = _wandered(poses, 0.6 * size, rng)
     else:
         moved = _some_moved(poses, kind == "halves", size, rng)
-    return moved, f"{kind} {size:.2f} m"
+    upward = str(rng.choice(["level", "raised", "both"], p=(0.55, 0.3, 0.15)))
+    if upward == "raised":
+        moved = poses
+    if upward != "level":
+        moved = _raised(moved, kind, size, rng)
+    return moved, f"{kind} {size:.2f} m, {upward}"
+
+
+def _raised(poses: Floats, kind: str, size: float, rng: Rng) -> Floats:
+    """Return poses that lie higher or lower: more and more, all from one on, or some of them."""
+    n, moved = len(poses), poses.copy()
+    if kind in ("drift", "random walk"):
+        steps = np.ones(n) if kind == "drift" else rng.standard_normal(n)
+        rise = np.cumsum(steps) - steps[0]
+        rise /= max(float(np.abs(rise).max()), 1e-9)
+    elif kind in ("halves", "missed loop"):
+        rise = (np.arange(n) >= rng.uniform(0.3, 0.7) * n).astype(np.float64)
+    else:
+        rise = (rng.random(n) < 0.2).astype(np.float64)
+        rise[int(rng.integers(n))] = 1.0
+    moved[:, 2, 3] += size * float(rng.choice([-1.0, 1.0])) * rise
+    return moved
 
 
 def _wandered(poses: Floats, size: float, rng: Rng) -> Floats:

@@ -116,7 +116,7 @@ def columns_of(features: PatchFeatures, tolerance: float = LABEL_TOLERANCE) -> C
         known = pair >= 0
         shown = {name: conflict}
         if name == OVER:
-            shown[OFFSET_RATIO] = edge["offset"] / tolerance
+            shown[OFFSET_RATIO], shown["over_angle"] = edge["offset"] / tolerance, edge["angle_deg"]
             for each in SHARES:
                 if each in features.context_names:
                     share = edge[each] / np.maximum(over, 1e-9)

@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 
 from mapq.configuration import FeatureSettings
 from mapq.features.shape import PatchShapes, horizontal_directions
-from mapq.kernels.copies import layers_over, self_shifts
+from mapq.kernels.copies import LayersOver, layers_over, self_shifts
 from mapq.kernels.voxels import Nearby, fill_table, voxel_keys
 from mapq.patches import Patches
 
@@ -57,11 +57,11 @@ COLUMNS = {
     "copy_even": 1,
     "copy_density": 1,
     "copy_offset": 0,
-    "near_cover": 1,
-    "near_even": 1,
-    "near_density": 1,
+    "copy_thin": 1,
+    "copy_outline": 1,
     "shift_support": 1,
     "shift_here": 1,
+    "shift_others": 1,
     "shift_along": 0,
     "shift_length": 0,
 }
@@ -74,7 +74,7 @@ ABOUT = 8.0
 LATTICE = 0.1
 """Metres between the motions that are tried."""
 UPRIGHT = 0.5
-"""Largest |up . n| of patches that witness horizontal motions."""
+"""|up . n| up to which patches witness horizontal motions; the others witness vertical ones."""
 
 
 def copy_columns(nearby: Nearby, shapes: PatchShapes, settings: FeatureSettings) -> dict[str, Floats]:
@@ -82,11 +82,11 @@ def copy_columns(nearby: Nearby, shapes: PatchShapes, settings: FeatureSettings)
 
     `nearby`: all finite points of the cloud.
 
-    Of the layer that covers most of a patch, off it by two tolerances to 1.5 m: the share of the patch's cells in which
-    it has points (cover), that over the one of as many points strewn at random (even), log of its points per point of
-    the patch (density), and its distance in metres (offset). `near`: means of the first three over the patches about,
-    weighted by the root of their area. `shift`: of the horizontal motion that moves patches about onto layers best, the
-    covered share (support), its length in metres, how far it moves along the normal of this very patch, in tolerances
+    Of the layer that is most like a copy of a patch, off it by two tolerances to 1.5 m: the share of the patch's cells
+    in which it has points (cover), that over the one of as many points strewn at random (even), log of its points per
+    point of the patch (density), its distance in metres (offset), how much denser it is than what lies a layer before
+    and behind it (thin), and than it is on the rim of the patch (outline), both from 0 to 1. `shift`: of the motion that moves patches about onto layers best, a horizontal
+    one of upright patches or a vertical one of level patches, the covered share (support), its length in metres, how far it moves along the normal of this very patch, in tolerances
     (along), and support times that, at most 4, over 4 (here).
     """
     step = 0.5 * shapes.tolerance(settings)
@@ -94,28 +94,48 @@ def copy_columns(nearby: Nearby, shapes: PatchShapes, settings: FeatureSettings)
     if not len(shapes.points) or half <= 2 * NEAREST + 2:
         return {name: np.full(len(shapes), np.nan) for name in COLUMNS}
     found = layers_over(nearby, shapes.sheets, shapes.planes, shapes.points, shapes.start, step, 2 * half)
-    pairs = _about(shapes)
-    columns = _second_layer(*found, shapes.counts, step)
-    for name in ("cover", "even", "density"):
-        columns[f"near_{name}"] = _mean_about(columns[f"copy_{name}"], np.sqrt(shapes.area), *pairs)
-    return columns | _shifts(found[0], shapes, step, *pairs)
+    thin, outline = thinness(found), outline_match(found)
+    likeness = found.cover * thin * (0.5 + 0.5 * outline)
+    columns = _second_layer(found, likeness, thin, outline, shapes.counts, step)
+    return columns | _shifts(likeness, shapes, step, *_about(shapes))
 
 
-def _second_layer(cover: Floats, count: Floats, n_cells: Floats, n_own: Ints, step: float) -> dict[str, Floats]:
-    """Return the measures of the layer that covers most of each patch; of equal ones the one with most points."""
-    place = np.arange(cover.shape[1]) - cover.shape[1] // 2
+def thinness(found: LayersOver) -> Floats:
+    """Return by how much layers (m, k) are denser than what lies before and behind them: 1 alone, 0 no more."""
+    wide = np.pad(found.count, ((0, 0), (2, 2)))
+    around = wide[:, :-4] + found.count + wide[:, 4:]
+    return np.clip(1.5 * found.count / np.maximum(around, 1.0) - 0.5, 0.0, 1.0)
+
+
+def outline_match(found: LayersOver) -> Floats:
+    """Return by how much layers (m, k) are denser over a patch than on its rim and in its holes: 1 not there, 0 alike.
+
+    A point more is put on the rim, so that few points show little.
+    """
+    over = found.count / np.maximum(found.n_cells, 1.0)[:, None]
+    beside = (found.rim + 1.0) / np.maximum(found.n_rim, 1.0)[:, None]
+    return np.clip(1.0 - beside / np.maximum(over, 1e-9), 0.0, 1.0)
+
+
+def _second_layer(
+    found: LayersOver, likeness: Floats, thin: Floats, outline: Floats, n_own: Ints, step: float
+) -> dict[str, Floats]:
+    """Return the measures of the layer that is most like each patch; of equal ones the one with most points."""
+    place = np.arange(likeness.shape[1]) - likeness.shape[1] // 2
     # Of layers that are equal on both sides the nearer one, whichever side the normal points to.
-    worth = cover + 1e-6 * np.log1p(count) - 1e-9 * np.abs(place)
+    worth = likeness + 1e-6 * np.log1p(found.count) - 1e-9 * np.abs(place)
     best = np.where(np.abs(place) >= 2 * NEAREST, worth, -1.0).argmax(axis=1)
-    rows = np.arange(len(cover))
-    share, points = cover[rows, best], count[rows, best]
+    rows = np.arange(len(likeness))
+    share, points = found.cover[rows, best], found.count[rows, best]
     with np.errstate(invalid="ignore"):
-        even = share / -np.expm1(-points / n_cells)
+        even = share / -np.expm1(-points / found.n_cells)
     return {
         "copy_cover": share,
         "copy_even": np.where(points > 0, even, np.nan),
         "copy_density": np.log((points + 1.0) / (n_own + 1.0)),
         "copy_offset": np.where(points > 0, step * np.abs(place[best]), np.nan),
+        "copy_thin": thin[rows, best],
+        "copy_outline": outline[rows, best],
     }
 
 
@@ -131,35 +151,31 @@ def _about(shapes: PatchShapes) -> tuple[Ints, Ints]:
     return begin, other[order]
 
 
-def _mean_about(values: Floats, weight: Floats, begin: Ints, other: Ints) -> Floats:
-    """Return the weighted mean (m,) over the patches about each, of those that are known."""
-    weight = np.where(np.isnan(values), 0.0, weight)
-    owner = np.repeat(np.arange(len(values)), np.diff(begin))
-    sums = np.bincount(owner, (weight * np.nan_to_num(values))[other], len(values))
-    total = np.bincount(owner, weight[other], len(values))
-    return np.where(total > 0.0, sums / np.where(total > 0.0, total, 1.0), np.nan)
-
-
-def _shifts(cover: Floats, shapes: PatchShapes, step: float, begin: Ints, other: Ints) -> dict[str, Floats]:
+def _shifts(likeness: Floats, shapes: PatchShapes, step: float, begin: Ints, other: Ints) -> dict[str, Floats]:
     """Return the columns of the motion that explains most of what lies over the patches about each."""
-    middle = cover.shape[1] // 2
+    middle = likeness.shape[1] // 2
     upright = shapes.up_cosine < UPRIGHT
-    profile = np.maximum(cover[:, middle:], cover[:, middle::-1])
+    profile = np.maximum(likeness[:, middle:], likeness[:, middle::-1])
     profile[:, : int(2 * NEAREST)] = 0.0
     wide = np.pad(profile, ((0, 0), (1, 1)))
     profile = np.maximum(profile, np.maximum(wide[:, :-2], wide[:, 2:]))
-    ahead = np.where(upright[:, None], shapes.normal, shapes.across)
     east = horizontal_directions(shapes.up[None], np.eye(3)[[np.argmin(np.abs(shapes.up))]], shapes.up)[0]
-    flat = np.column_stack([ahead @ east, ahead @ np.cross(shapes.up, east)])
+    flat = np.column_stack([shapes.normal @ east, shapes.normal @ np.cross(shapes.up, east)])
     flat /= np.maximum(np.linalg.norm(flat, axis=1), 1e-12)[:, None]
-    weight = np.where(upright, np.sqrt(shapes.area), 0.0)
-    least = NEAREST * 2 * step
-    found = self_shifts(profile, step, _motions(least), flat, weight, begin, other, least)
-    support, length, along = found.T
+    least, size = NEAREST * 2 * step, np.sqrt(shapes.area)
+    rises = np.arange(least, FARTHEST, step)
+    about = (begin, other, least)
+    sideways = self_shifts(profile, step, _motions(least), flat, np.where(upright, size, 0.0), *about)
+    # Along the vertical all level patches face alike.
+    upwards = np.column_stack([np.ones(len(shapes)), np.zeros(len(shapes))])
+    vertical = np.column_stack([rises, np.zeros(len(rises))])
+    upwards = self_shifts(profile, step, vertical, upwards, np.where(upright, 0.0, size), *about)
+    support, length, along, others = np.where(upright[:, None], sideways, upwards).T
     return {
         "shift_support": support,
-        "shift_here": np.where(upright, support * np.minimum(along / (2.0 * least), 1.0), np.nan),
-        "shift_along": np.where(upright & (support > 0.0), 0.5 * along / step, np.nan),
+        "shift_here": support * np.minimum(along / (2.0 * least), 1.0),
+        "shift_others": others,
+        "shift_along": np.where(support > 0.0, 0.5 * along / step, np.nan),
         "shift_length": np.where(support > 0.0, length, np.nan),
     }
 

@@ -150,6 +150,10 @@ INFLATION = 4.0
 """Of the variances of motions: residuals of neighbouring cells go together."""
 ROUNDS = (2.0, 1.0)
 """Widths of a layer, in times that of noise, of the rounds in which sightings are looked for and motions fitted."""
+SHOWS = 0.5
+"""|up . n| from which a patch shows how scans rise."""
+STILL = Motions(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 6)))
+"""No scan is moved."""
 PATCH, CELL, MOMENT, PLACE, HEIGHT, N_POINTS, SQUARES = 0, 1, 2, slice(3, 6), 6, 7, 8
 """Columns of layers (up to the height) and sightings."""
 
@@ -170,10 +174,14 @@ def measure_disagreement(
     if not len(shapes.points):
         return found
     about = (nearby, shapes.sheets, shapes.planes, shapes.points, shapes.start, shapes.spacing)
-    layers = find_layers(*about, FARTHEST)
     centres = window_centres(shapes.centre, shapes.size_rank) if centres is None else centres
     owner = cKDTree(centres).query(shapes.centre)[1]
-    windows = [match(shapes, layers, rows, centre) for rows, centre in _inside(layers, centres)]
+    layers = find_layers(*about, STILL, np.ones(len(shapes), bool), FARTHEST)
+    windows = [match(shapes, layers, rows, window_of(layers, rows, centre)) for rows, centre in _inside(layers, centres)]
+    # Level surfaces show how scans rise once these are where walls have them.
+    layers = find_layers(*about, _motions(owner, windows), shapes.up_cosine >= SHOWS, FARTHEST)
+    for place, (rows, _) in enumerate(_inside(layers, centres)):
+        windows[place] = match(shapes, layers, rows, windows[place], rises=True)
     del layers
     width = max(NOISE_WIDTHS * noise, THINNEST)
     for wider in ROUNDS:
@@ -218,21 +226,28 @@ def window_centres(middle: Floats, rank: Ints) -> Floats:
     return np.array(centres).reshape(-1, 3)
 
 
-def match(shapes: PatchShapes, layers: Floats, rows: Ints, centre: Floats) -> Window:
-    """Return the motions that a search finds for the scans of a window, from its layers (rows)."""
+def window_of(layers: Floats, rows: Ints, centre: Floats) -> Window:
+    """Return a window of the scans of some layers, not yet moved."""
+    scans = np.unique(layers[rows, MOMENT].astype(np.int64))
+    return Window(centre, scans, np.zeros((len(scans), 6)))
+
+
+def match(shapes: PatchShapes, layers: Floats, rows: Ints, window: Window, rises: bool = False) -> Window:
+    """Return a window with the motions that a search finds for its scans, from its layers (rows)."""
+    rows = rows[np.isin(layers[rows, MOMENT], window.scans)]
     some = layers[rows[np.argsort(layers[rows, MOMENT], kind="stable")]]
     scans, first = np.unique(some[:, MOMENT].astype(np.int64), return_index=True)
-    cell = _cells(some)
-    motion = np.zeros((0, 6))
+    cell, motion = _cells(some), window.motion.copy()
     if len(some):
         level = np.cross(shapes.up, np.eye(3)[int(np.argmin(np.abs(shapes.up)))])
         level /= np.linalg.norm(level)
         axes = np.array([level, np.cross(shapes.up, level), shapes.up])
         first = np.append(first, len(some)).astype(np.int64)
         height, weight = (np.ascontiguousarray(column) for column in (some[:, HEIGHT], some[:, N_POINTS]))
-        jacobian = _along_normals(shapes, some, centre)
-        motion = match_scans(cell, first, jacobian, height, weight, int(cell.max()) + 1, axes, LONGEST_SHIFT)
-    return Window(centre, scans, motion)
+        jacobian = _along_normals(shapes, some, window.centre)
+        found = match_scans(cell, first, jacobian, height, weight, int(cell.max()) + 1, axes, LONGEST_SHIFT, rises)
+        motion[np.searchsorted(window.scans, scans)] += found
+    return window._replace(motion=motion)
 
 
 def fit(shapes: PatchShapes, sightings: Floats, rows: Ints, window: Window, motions: Motions) -> tuple[Window, Floats]:

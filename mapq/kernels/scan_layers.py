@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mapq.kernels._jit import Floats, Ints, jit, part
+from mapq.kernels._jit import Bools, Floats, Ints, jit, part
 from mapq.kernels.order_statistics import quantile
 from mapq.kernels.planes import Planes, dot, dot_from
 from mapq.kernels.sheets import Sheets, first_corner
@@ -142,13 +142,13 @@ def points_over(
 
 @part
 def moved_over(
-    nearby: Nearby, sheets: Sheets, planes: Planes, motions: Motions, over: Over, i: int, n_places: int
+    nearby: Nearby, sheets: Sheets, planes: Planes, motions: Motions, over: Over, i: int, reach: float, n_places: int
 ) -> int:
-    """Write the points over patch i of the scans of its window, moved by their motions; how many."""
+    """Write the points over patch i, up to `reach`, of the scans of its window, moved by their motions; how many."""
     begin, end = motions.first[motions.owner[i]], motions.first[motions.owner[i] + 1]
     for entry in range(begin, end):
         over.entry[motions.moment[entry]] = entry
-    n = points_over(nearby, sheets, planes, motions, over, i, FARTHEST_SEEN, n_places)
+    n = points_over(nearby, sheets, planes, motions, over, i, reach, n_places)
     for scan in motions.moment[begin:end]:
         over.entry[scan] = EMPTY
     return n
@@ -206,19 +206,32 @@ def write_layers(heights: Floats, n: int, histogram: Floats, reach: float, row: 
 
 @jit
 def find_layers(
-    nearby: Nearby, sheets: Sheets, planes: Planes, points: Floats, start: Ints, spacing: Floats, reach: float
+    nearby: Nearby,
+    sheets: Sheets,
+    planes: Planes,
+    points: Floats,
+    start: Ints,
+    spacing: Floats,
+    motions: Motions,
+    wanted: Bools,
+    reach: float,
 ) -> Floats:
-    """Layers (r, 8) of each scan in each cell: patch, cell, moment, place on the plane (3), height, share of points.
+    """Layers (r, 8) of each scan in each cell: patch, cell, moment, place in the map (3), height, share of points.
 
+    Of `wanted` patches (m,). Scans are moved by their motions; without any (w = 0) they are looked at where they lie.
     Heights of up to `reach` metres off the plane, on either side of it; sorted by patch, cell and moment.
     """
-    nothing = Motions(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros(0, np.int64), start, np.zeros((0, 6)))
-    over = scratch_over(nearby, STILL)
+    over = scratch_over(nearby, EMPTY if len(motions.centre) else STILL)
     histogram, heights = np.zeros(int(2.0 * reach / BIN) + 3), np.zeros(len(nearby.points))
     out, n_out, row = np.empty((1024, 8)), 0, np.zeros(6)
     for i in range(len(start) - 1):
+        if not wanted[i]:
+            continue
         n_places = voxels_about(nearby, points, start[i], start[i + 1], i, over.marks, over.places)
-        n = points_over(nearby, sheets, planes, nothing, over, i, reach, n_places)
+        if len(motions.centre):
+            n = moved_over(nearby, sheets, planes, motions, over, i, reach, n_places)
+        else:
+            n = points_over(nearby, sheets, planes, motions, over, i, reach, n_places)
         order = sort_by_cell(nearby, over, n, spacing[i])
         begin = 0
         while begin < n:
@@ -285,7 +298,7 @@ def find_sightings(
     out, n_out = np.empty((1024, 9)), 0
     for i in range(len(start) - 1):
         n_places = voxels_about(nearby, points, start[i], start[i + 1], i, over.marks, over.places)
-        n = moved_over(nearby, sheets, planes, motions, over, i, n_places)
+        n = moved_over(nearby, sheets, planes, motions, over, i, FARTHEST_SEEN, n_places)
         order = sort_by_cell(nearby, over, n, spacing[i])
         begin = 0
         while begin < n:

@@ -18,6 +18,10 @@ BESIDE = 0.6
 """What a layer counts that lies in the bin beside one of another scan."""
 STEP, TURN, NEAR_STEPS = 0.1, 0.0175, 3
 """Metres between shifts that are tried, radians between turns; shifts to either side of the best that are turned."""
+RISE = 3
+"""Last entry of a motion that is searched, after shifts along two level axes and the turn about the vertical."""
+SHOWS = 0.5
+"""How far along its normal a layer is displaced by a metre of a shift, from which on it can show that shift."""
 FINEST = 0.02
 """Metres at which the search ends."""
 GOOD = 0.9
@@ -43,18 +47,30 @@ class Layers(NamedTuple):
 
     bins: Floats  # (cells, heights) worth of a layer that lies there
     cell: Ints  # (r,)
-    along: Floats  # (r, 3) how shifts along the level axes and a turn about the third displace each
+    along: Floats  # (r, 4) how shifts along the level axes, a turn about the third and a rise displace each
     height: Floats  # (r,) metres
     weight: Floats  # (r,)
 
 
 @part
+def dot4(along: Floats, x: Floats) -> float:
+    """By how much a motion x (4) displaces a layer along its normal."""
+    return along[0] * x[0] + along[1] * x[1] + along[2] * x[2] + along[RISE] * x[RISE]
+
+
+@part
+def show(along: Floats, rises: bool) -> bool:
+    """Whether a layer shows rises, or level shifts."""
+    return bool(abs(along[RISE]) >= SHOWS) if rises else bool(along[0] ** 2 + along[1] ** 2 >= SHOWS**2)
+
+
+@part
 def meeting(layers: Layers, rows: Ints, x: Floats) -> float:
-    """Weight of the layers that meet those of other scans once the motion x (3) is taken away."""
+    """Weight of the layers that meet those of other scans once the motion x (4) is taken away."""
     bins, cell, along, height, weight = layers
     total = 0.0
     for p in rows:
-        moved = height[p] - along[p, 0] * x[0] - along[p, 1] * x[1] - along[p, 2] * x[2]
+        moved = height[p] - dot4(along[p], x)
         at = int(np.floor((moved + TALLEST) / BIN))
         if 0 <= at < bins.shape[1]:
             total += weight[p] * bins[cell[p], at]
@@ -63,10 +79,10 @@ def meeting(layers: Layers, rows: Ints, x: Floats) -> float:
 
 @part
 def enter(layers: Layers, begin: int, end: int, x: Floats) -> None:
-    """Enter the layers of a scan, its motion x (3) taken away."""
+    """Enter the layers of a scan, its motion x (4) taken away."""
     bins, cell, along, height, _ = layers
     for p in range(begin, end):
-        moved = height[p] - along[p, 0] * x[0] - along[p, 1] * x[1] - along[p, 2] * x[2]
+        moved = height[p] - dot4(along[p], x)
         at = int(np.floor((moved + TALLEST) / BIN))
         for beside in range(-1, 2):
             if 0 <= at + beside < bins.shape[1]:
@@ -75,27 +91,31 @@ def enter(layers: Layers, begin: int, end: int, x: Floats) -> None:
 
 
 @part
-def best_motion(layers: Layers, rows: Ints, reach: float, start: Floats) -> Floats:
-    """Shifts along two level axes of up to `reach` metres, and the turn, that bring most layers together (3).
+def best_motion(layers: Layers, rows: Ints, reach: float, start: Floats, first: int, last: int) -> Floats:
+    """The motion (4) that brings most layers together, of which the entries from `first` to `last` are searched.
 
-    The search begins where the scan lies, or at the motion `start` of another if that brings more together; all motions
-    are tried where neither does well.
+    Shifts are up to `reach` metres. The search begins where the scan lies, or at the motion `start` of another if that
+    brings more together; all motions are tried where neither does well.
     """
-    found = np.zeros(3)
-    top = meeting(layers, rows, found)
-    other = meeting(layers, rows, start)
+    found = np.zeros(4)
+    tried = found.copy()
+    tried[first:last] = start[first:last]
+    top, other = meeting(layers, rows, found), meeting(layers, rows, tried)
     if other > top:
         top = other
-        found[:] = start
+        found[:] = tried
     if top < GOOD * layers.weight[rows].sum():
-        search(layers, rows, reach, found)
+        if first == RISE:
+            search_rise(layers, rows, reach, found)
+        else:
+            search(layers, rows, reach, found)
         top = meeting(layers, rows, found)
     step = 0.5 * STEP
     while step > FINEST:
         climbed = False
-        for axis in range(3):
+        for axis in range(first, last):
             for sign in (-1.0, 1.0):
-                tried = found.copy()
+                tried[:] = found
                 tried[axis] += sign * step * (0.1 if axis == 2 else 1.0)
                 value = meeting(layers, rows, tried)
                 if value > top + 1e-9:
@@ -107,14 +127,30 @@ def best_motion(layers: Layers, rows: Ints, reach: float, start: Floats) -> Floa
 
 
 @part
+def search_rise(layers: Layers, rows: Ints, reach: float, found: Floats) -> None:
+    """Try all rises of up to `reach` metres; that of `found` (4) becomes the best if it is clear."""
+    rows = rows[:: 1 + len(rows) // MOST_SEARCHED]
+    before, possible = meeting(layers, rows, found), layers.weight[rows].sum()
+    top, x, best = before, found.copy(), found[RISE]
+    n_steps = int(reach / BIN)
+    for k in range(-n_steps, n_steps + 1):
+        x[RISE] = BIN * k
+        value = meeting(layers, rows, x) - PRICE * possible * abs(x[RISE])
+        if value > top:
+            top, best = value, x[RISE]
+    if top >= before + GAIN * possible + FIXED_GAIN:
+        found[RISE] = best
+
+
+@part
 def search(layers: Layers, rows: Ints, reach: float, found: Floats) -> None:
-    """Try all shifts of up to `reach` metres, turned near the best; `found` (3) becomes that if it is clear."""
+    """Try all level shifts of up to `reach` metres, turned near the best; `found` (4) becomes that if it is clear."""
     rows = rows[:: 1 + len(rows) // MOST_SEARCHED]
     before = meeting(layers, rows, found)
     possible, n_steps = layers.weight[rows].sum(), reach / STEP
-    top, x, best = before, np.zeros(3), np.zeros(3)
+    top, x, best = before, found.copy(), found.copy()
     for turn in (0, 1, -1, 2, -2):
-        about, width = best.copy() / STEP, int(n_steps) if turn == 0 else NEAR_STEPS
+        about, width = best / STEP, int(n_steps) if turn == 0 else NEAR_STEPS
         for i in range(-width, width + 1):
             for j in range(-width, width + 1):
                 one, other = about[0] + i, about[1] + j
@@ -135,31 +171,44 @@ def search(layers: Layers, rows: Ints, reach: float, found: Floats) -> None:
 
 @jit
 def match_scans(
-    cell: Ints, first: Ints, jacobian: Floats, height: Floats, weight: Floats, n_cells: int, axes: Floats, reach: float
+    cell: Ints,
+    first: Ints,
+    jacobian: Floats,
+    height: Floats,
+    weight: Floats,
+    n_cells: int,
+    axes: Floats,
+    reach: float,
+    rises: bool,
 ) -> Floats:
     """Motions (s, 6) of scans, each matched to those before: the scan with most layers first, then what shares most.
+
+    Level shifts and turns about the vertical, by walls, or with `rises` shifts along it, by level surfaces.
 
     Of layers (r), scan after scan: their `cell`, rows of the `jacobian` (r, 6), `height` off the plane in metres, and
     `weight`, the share of the scan's points; ``first`` (s + 1,) is where each scan begins. `axes` (3, 3): two level
     directions and up. `reach`: longest shift that is tried, metres.
     """
     n_scans = len(first) - 1
-    motion, last = np.zeros((n_scans, 6)), np.zeros(3)
-    layers = Layers(np.zeros((n_cells, int(2.0 * TALLEST / BIN))), cell, np.empty((len(cell), 3)), height, weight)
+    motion, last, shows = np.zeros((n_scans, 6)), np.zeros(4), np.zeros(len(cell), np.bool_)
+    layers = Layers(np.zeros((n_cells, int(2.0 * TALLEST / BIN))), cell, np.empty((len(cell), 4)), height, weight)
     for p in range(len(cell)):
         for axis in range(3):
             part_of = jacobian[p, :3] if axis < 2 else jacobian[p, 3:]
             layers.along[p, axis] = (part_of * axes[axis]).sum()
+        layers.along[p, RISE] = (jacobian[p, :3] * axes[2]).sum()
+        shows[p] = show(layers.along[p], rises)
+    begin, end = (RISE, RISE + 1) if rises else (0, RISE)
     seen, waiting = np.zeros(n_cells, np.bool_), np.ones(n_scans, np.bool_)
     shared = 1e-6 * (first[1:] - first[:-1])
     for _ in range(n_scans):
-        chosen, x = np.argmax(np.where(waiting, shared, -1.0)), np.zeros(3)
+        chosen, x = np.argmax(np.where(waiting, shared, -1.0)), np.zeros(4)
         rows = np.arange(first[chosen], first[chosen + 1])
-        common = rows[seen[cell[rows]]]
+        common = rows[seen[cell[rows]] & shows[rows]]
         if len(common) >= FEWEST:
-            last = best_motion(layers, common, reach, last)
+            last = best_motion(layers, common, reach, last, begin, end)
             x[:] = last
-            motion[chosen, :3] = last[0] * axes[0] + last[1] * axes[1]
+            motion[chosen, :3] = last[0] * axes[0] + last[1] * axes[1] + last[RISE] * axes[2]
             motion[chosen, 3:] = last[2] * axes[2]
         waiting[chosen] = False
         enter(layers, first[chosen], first[chosen + 1], x)

@@ -9,6 +9,7 @@ from mapq.kernels._jit import Bools, Floats, Ints, jit, part
 from mapq.kernels.order_statistics import quantile
 from mapq.kernels.planes import Planes, dot
 from mapq.kernels.scan_layers import (
+    FARTHEST_SEEN,
     FEWEST,
     NEAR_WIDTHS,
     SCANS,
@@ -120,7 +121,7 @@ def find_views(
     for i in range(len(start) - 1):
         scans = motions.moment[motions.first[motions.owner[i]] : motions.first[motions.owner[i] + 1]]
         n_places = voxels_about(nearby, points, start[i], start[i + 1], i, over.marks, over.places)
-        n = moved_over(nearby, sheets, planes, motions, over, i, n_places)
+        n = moved_over(nearby, sheets, planes, motions, over, i, FARTHEST_SEEN, n_places)
         order = sort_by_cell(nearby, over, n, spacing[i])
         level_cells(nearby, over, i, n, order, held)
         add_views(nearby, planes, over, i, n, near, sums)

@@ -51,6 +51,7 @@ class Drift(NamedTuple):
     low: float
     high: float
     unit: str  # ``m/m`` or ``m/min``
+    rise: float  # of `value`, upwards
 
 
 class PlacedScans(NamedTuple):
@@ -147,7 +148,7 @@ def _drift(found: Corrections, longest: float, unit: str) -> Drift | None:
     error = BOUND * float(np.sqrt(direction @ found.slope_covariance[:3, :3] @ direction))
     if (value - error) * longest < RIGHT[0]:
         return None
-    return Drift(value, max(value - error, 0.0), value + error, unit)
+    return Drift(value, max(value - error, 0.0), value + error, unit, float(found.slope[2]))
 
 
 def _row(found: Corrections, scan: int, file: str) -> tuple[float, ScanMotion]:

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mapq.configuration import SURFACES
 from mapq.features.table import PatchFeatures
 from mapq.patches import Patches
 from mapq.posed.breaks import Breaks, Parts, breaks_of
@@ -83,7 +84,7 @@ def find_causes(
     visits: Visits | None,
     poses: CheckedPoses | None = None,
 ) -> dict[int, Cause]:
-    """Return the cause of each suspicious patch by its number.
+    """Return the cause of each suspicious patch by its number; of level ones it says that errors are of height.
 
     `features`: their pairs show which patches may be copies of one surface. `suspicious` (m,). `visits`: None: when
     points were seen is not known, and so no cause. `poses`: of the scans, where they were checked.
@@ -92,15 +93,15 @@ def find_causes(
         nothing = Cause(UNKNOWN, "the map does not record by which scans or when it was seen", {})
         return {int(patch): nothing for patch in np.flatnonzero(suspicious)}
     copies, reach, apart = copies_of(features, len(patches)), reach_of(features), features.disagreement
-    scans = _ScanMotions.of(patches, visits, poses)
+    scans, level = _ScanMotions.of(patches, visits, poses), patches.kinds == SURFACES.index("level")
     found = {}
     for patch in np.flatnonzero(suspicious).tolist():
-        spread = measure_spread(patches, patch, copies[patch], visits, reach[patch])
+        spread, along = measure_spread(patches, patch, copies[patch], visits, reach[patch]), " in height" * level[patch]
         if scans is None:
-            found[patch] = cause_of(spread, visits, apart[patch])
+            found[patch] = cause_of(spread, visits, apart[patch], along)
         else:
             place = patches.centroid[patch], patches.normal[patch]
-            found[patch] = scans.cause_of(spread, *place, float(apart[patch, 1]))
+            found[patch] = scans.cause_of(spread, *place, float(apart[patch, 1]), along)
     return found
 
 
@@ -121,11 +122,11 @@ def copies_of(features: PatchFeatures, n_patches: int) -> list[list[int]]:
     return found
 
 
-def cause_of(spread: Spread, visits: Visits, apart: Floats) -> Cause:
+def cause_of(spread: Spread, visits: Visits, apart: Floats, along: str = "") -> Cause:
     """Return the cause that a spread shows, if it is clear.
 
     `apart` (3,): lower bound, value and upper bound of what scans disagree by, metres; nan where that is not known, and
-    the spread alone counts.
+    the spread alone counts. `along`: words for the direction in which it lies apart.
     """
     measures: dict[str, Any] = {
         "between_visits_m": spread.visits,
@@ -149,13 +150,13 @@ def cause_of(spread: Spread, visits: Visits, apart: Floats) -> Cause:
     if visits.unit != "pass" and not np.isfinite(spread.scans):
         return Cause(UNKNOWN, f"no two {several} of one visit saw it, which could show the cause", measures)
     if by_visit < CLEARLY * by_scan:
-        return Cause(LOCAL, f"{several} of one visit put it {metres:.2f} m{bounds} apart", measures)
+        return Cause(LOCAL, f"{several} of one visit put it {metres:.2f} m{bounds} apart{along}", measures)
     if spread.gap is None or visits.unit == "pass":
-        return Cause(MISSED_LOOP, f"passes put it {metres:.2f} m{bounds} apart", measures)
+        return Cause(MISSED_LOOP, f"passes put it {metres:.2f} m{bounds} apart{along}", measures)
     lengths = _gap(visits, *spread.gap)
     after = " and ".join(f"{value:.0f} {name}" for name, value in lengths.items())
     named = {f"away_{name}": value for name, value in lengths.items()}
-    return Cause(MISSED_LOOP, f"seen again after {after}, it lies {metres:.2f} m{bounds} off", measures | named)
+    return Cause(MISSED_LOOP, f"seen again after {after}, it lies {metres:.2f} m{bounds} off{along}", measures | named)
 
 
 def moved_by(spread: Spread) -> float:
@@ -180,7 +181,7 @@ class _ScanMotions(NamedTuple):
         number[visits.moment[rows]] = patches.cloud.fields["scan"][rows]
         return cls(breaks_of(poses), number)
 
-    def cause_of(self, spread: Spread, at: Floats, normal: Floats, apart: float) -> Cause:
+    def cause_of(self, spread: Spread, at: Floats, normal: Floats, apart: float, along: str = "") -> Cause:
         """Return the cause that motions show at a place (3) of a patch, whose scans disagree by `apart` metres."""
         scans = self.number[list(spread.seen)]
         offset = self.breaks.offsets(scans, at, normal)
@@ -192,9 +193,9 @@ class _ScanMotions(NamedTuple):
         if not len(scans):
             return Cause(UNKNOWN, "no scan is known to have seen it", {})
         one, other = sorted((int(scans[np.argmin(offset)]), int(scans[np.argmax(offset)])))
-        return self._named(one, other, self.breaks.split(one, other, at, normal), moved_by(spread))
+        return self._named(one, other, self.breaks.split(one, other, at, normal), moved_by(spread), along)
 
-    def _named(self, one: int, other: int, parts: Parts, moved: float) -> Cause:
+    def _named(self, one: int, other: int, parts: Parts, moved: float, along: str) -> Cause:
         """Return the cause of the largest of the parts that put two scans apart.
 
         `moved`: metres by which the surface itself lies apart, from scan to scan.
@@ -211,14 +212,14 @@ class _ScanMotions(NamedTuple):
         edge = self.breaks.edge_over(one, other)
         is_apart = edge is None or min(abs(scan - end) for end in edge.ends) > BESIDE
         if by_scan > max(by_jump, by_drift) and is_apart:
-            return Cause(WRONG_SCAN, f"scan {scan} puts it {by_scan:.2f} m off", measures | {"scan": scan})
+            return Cause(WRONG_SCAN, f"scan {scan} puts it {by_scan:.2f} m off{along}", measures | {"scan": scan})
         if edge is not None:
-            bends = f"scans {one} and {other}, {metres:.2f} m apart there"
+            bends = f"scans {one} and {other}, {metres:.2f} m apart{along} there"
             text = f"the edge from {edge.ids[0]} to {edge.ids[1]} is wrong and bends {bends}"
             return Cause(WRONG_EDGE, text, measures | {"edge": list(edge.ids)})
         if by_jump > by_drift:
-            return Cause(MISSED_LOOP, f"scans jump by {by_jump:.2f} m between {one} and {other}", measures)
-        return Cause(DRIFT, f"scans drift by {by_drift:.2f} m from {one} to {other}", measures)
+            return Cause(MISSED_LOOP, f"scans jump by {by_jump:.2f} m{along} between {one} and {other}", measures)
+        return Cause(DRIFT, f"scans drift by {by_drift:.2f} m{along} from {one} to {other}", measures)
 
 
 def _gap(visits: Visits, before: int, after: int) -> dict[str, float]:

@@ -14,6 +14,7 @@ from mapq.crf import Terms
 from mapq.crf.explain import BASE, NEIGHBOUR_LABEL, NO_OTHER
 from mapq.crf.trees import LOW_RATIO, SURELY, TOLERANCE
 from mapq.features.context import DISAGREEMENT
+from mapq.features.copies import COLUMNS
 from mapq.features.table import PatchFeatures
 from mapq.patches import Patches
 
@@ -32,9 +33,8 @@ CONFLICTS = "sum_of_conflicts"
 GROUPS = {
     **dict.fromkeys((*DISAGREEMENT, "n_scans", "seen_by_several"), "disagreement"),
     **dict.fromkeys((SURELY, "disagreement_ratio", LOW_RATIO, "high_ratio"), "disagreement"),
-    **dict.fromkeys(("copy_cover", "copy_even", "copy_density", "copy_offset", "copy_ratio"), "copy_cover"),
-    **dict.fromkeys(("near_cover", "near_even", "near_density"), "near_cover"),
-    **dict.fromkeys(("shift_support", "shift_here", "shift_along", "shift_length", "shift_ratio"), "shift_support"),
+    **dict.fromkeys([name for name in COLUMNS if name.startswith("copy_")] + ["copy_ratio"], "copy_cover"),
+    **dict.fromkeys([name for name in COLUMNS if name.startswith("shift_")] + ["shift_ratio"], "shift_support"),
 }
 """Node features that are one reason, to the one it is named by."""
 AGREE = 0.05
@@ -146,8 +146,7 @@ def group_words(group: str, values: dict[str, float]) -> str:
             return "no shift lays the surfaces around onto others"
         far = f"{values['shift_length']:.2f} m"
         return f"a shift by {far} lays {values['shift_support']:.0%} of the surfaces around onto others"
-    where = "it" if group == "copy_cover" else "the patches around"
-    return f"second layers cover {np.nan_to_num(values[group]):.0%} of {where}"
+    return f"a second layer covers {np.nan_to_num(values[group]):.0%} of it"
 
 
 def pair_words(values: dict[str, float], other: int) -> str:
