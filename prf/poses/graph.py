@@ -106,7 +106,7 @@ def pull_of(prior: PosePrior, poses: Floats | None = None) -> Pull:
     `poses` (n, 3): where steps pull as they do there, as far as the robot slipped or was carried; else none did.
     """
     n, steps = len(prior.given), np.arange(len(prior.motion))
-    sharpness = np.zeros((n, 3)) if prior.is_held else np.tile(1.0 / prior.noise[[0, 0, 1]], (n, 1))
+    sharpness = np.zeros((n, 3)) if prior.is_held else 1.0 / prior.noise[:, [0, 0, 1]]
     if prior.is_held:
         sharpness[0] = HELD
     precision = 1.0 / np.square(prior.spread) if poses is None or not len(steps) else prior.precision(poses)

@@ -47,7 +47,7 @@ class PosePrior(NamedTuple):
     """
 
     given: Floats  # (n, 3)
-    noise: Floats  # (2,) standard deviations, metres and radians; inf: odometry alone, and the first pose is held
+    noise: Floats  # (n, 2) standard deviations, metres and radians; inf: odometry alone, and the first pose is held
     motion: Floats  # (n - 1, 3) measured step from each pose to the next, in the frame of the former; (0, 3): none
     spread: Floats  # (n - 1, 3) its standard deviations: ahead, to the side (m), turn (rad)
     slip: float = SLIP  # probability that a step is one in which the robot slipped or was carried
@@ -62,8 +62,8 @@ class PosePrior(NamedTuple):
         total = 0.0
         if not self.is_held:
             error = poses - self.given
-            total -= 0.5 * float((error[:, :2] ** 2).sum() / self.noise[0] ** 2)
-            total -= 0.5 * float((wrapped(error[:, 2]) ** 2).sum() / self.noise[1] ** 2)
+            error[:, 2] = wrapped(error[:, 2])
+            total -= 0.5 * float(((error / self.noise[:, [0, 0, 1]]) ** 2).sum())
         if len(self.motion):
             total += float(np.logaddexp.reduce(self.step_terms(poses), axis=0).sum())
         return total
@@ -109,7 +109,7 @@ class PosePrior(NamedTuple):
     def draw(self, rng: np.random.Generator, sign: float = 1.0) -> Floats:
         """Return poses (n, 3) of the prior of odometry alone, or of independent errors alone; -1: the opposite ones."""
         if not len(self.motion):
-            return self.given + sign * rng.standard_normal(self.given.shape) * self.noise[[0, 0, 1]]
+            return self.given + sign * rng.standard_normal(self.given.shape) * self.noise[:, [0, 0, 1]]
         error = self.spread * rng.standard_normal(self.motion.shape)
         if self.slip > 0.0:
             chance = rng.random(len(error))
@@ -191,7 +191,7 @@ class PoseModel:
         )
         driven, way = (None if part is None else part[kept] for part in (self.driven, self.way))
         steps = _steps(driven, self.odometry, way)
-        prior = PosePrior(self.prior.given[kept], self.prior.noise, *steps, self.prior.slip)
+        prior = PosePrior(self.prior.given[kept], self.prior.noise[kept], *steps, self.prior.slip)
         start, draw = self.start[kept], self.draw_start
 
         def drawn(rng: np.random.Generator, sign: float, way: float) -> Floats:
@@ -209,16 +209,17 @@ class PoseModel:
     def followed_by(self, other: PoseModel, first_scan: int) -> PoseModel:
         """Return the model of these poses and those of other logs, whose scans are numbered from `first_scan` on.
 
-        Errors of both are independent and alike; none is of odometry. Chains start at `start`.
+        Errors of both are independent; none is of odometry. Chains start at `start`.
         """
         n = len(self.scan)
-        given, start, time = (
-            np.concatenate(parts)
-            for parts in ((self.prior.given, other.prior.given), (self.start, other.start), (self.time, other.time))
+        prior = self.prior._replace(
+            given=np.concatenate([self.prior.given, other.prior.given]),
+            noise=np.concatenate([self.prior.noise, other.prior.noise]),
         )
+        start, time = np.concatenate([self.start, other.start]), np.concatenate([self.time, other.time])
         laser, sonar = (_follow(*parts, n) for parts in ((self.laser, other.laser), (self.sonar, other.sonar)))
         scan = np.concatenate([self.scan, other.scan + first_scan])
-        return PoseModel(self.prior._replace(given=given), scan, time, start, laser, sonar)
+        return PoseModel(prior, scan, time, start, laser, sonar)
 
     def placed(self, laser: Readings | None, sonar: Readings | None, poses: Floats) -> list[Readings | None]:
         """Return readings of a laser and a sonar, those of this model, as they are with the states at `poses`."""
@@ -266,7 +267,8 @@ def pose_model(
     scan, time, given, driven = scan[order], time[order], given[order], driven[order]
     way = None if odometry is None else np.concatenate(_ways(kept, found))[first][order]
     steps = _steps(driven, odometry, way)
-    prior = PosePrior(given, np.array([np.inf, np.inf] if noise is None else noise, np.float64), *steps)
+    errors = np.array([np.inf, np.inf] if noise is None else noise, np.float64)
+    prior = PosePrior(given, np.tile(errors, (len(given), 1)), *steps)
     local = [_local(part, each, own, given) for part, each, own in zip(kept, found, owners, strict=True)]
     lasers, sonars = (local[0] if laser is not None else None), (local[-1] if sonar is not None else None)
     return PoseModel(prior, scan, time, given.copy(), lasers, sonars, driven=driven, way=way, odometry=odometry)

@@ -95,7 +95,7 @@ def find_start(model: PoseModel, laser: Readings, noise: float) -> Start:
     scans, given = scans_of(model, laser, noise), model.prior.given
     if not len(scans.owner):
         return Start(model, scans, [Agreed(given.copy(), pull_of(model.prior), 1.0)], [])
-    ways, error = [Way(given, [], 0.0)], float(model.prior.noise[0] + FAR * model.prior.noise[1])
+    ways, error = [Way(given, [], 0.0)], float(model.prior.noise[0] @ [1.0, FAR])
     followed = follow(scans, model.prior) if model.prior.is_held else None
     if followed is not None:
         model = _as_it_errs(model, followed.scale)

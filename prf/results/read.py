@@ -223,7 +223,7 @@ def _take_prior(path: Path, arrays: dict[str, NDArray[Any]], given: NDArray[np.f
         return None
     motion = take_array(path, arrays, "motion", np.float64, (None, 3))
     spread = take_array(path, arrays, "spread", np.float64, (len(motion), 3))
-    noise = take_array(path, arrays, "noise", np.float64, (2,))
+    noise = np.tile(take_array(path, arrays, "noise", np.float64, (2,)), (len(given), 1))
     return PosePrior(given, noise, motion, spread, float(take_array(path, arrays, "slip", np.float64, ())))
 
 

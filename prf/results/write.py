@@ -173,7 +173,8 @@ def write_trajectory(folder: Path, found: Trajectory) -> None:
         if owner is not None:
             arrays[f"pose_of_{kind}"] = owner.astype(np.int32)
     if found.prior is not None:
-        arrays |= {name: np.asarray(value) for name, value in found.prior._asdict().items() if name != "given"}
+        known = found.prior._asdict() | {"noise": found.prior.noise[0]}
+        arrays |= {name: np.asarray(value) for name, value in known.items() if name != "given"}
     arrays |= {names.LOOP_PREFIX + name: value for name, value in found.disputed._asdict().items()}
     save_arrays(folder / names.POSES, names.SCHEMAS[names.POSES], arrays)
     if len(found.draws):

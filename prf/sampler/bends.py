@@ -125,7 +125,7 @@ def _motion_of_poses(poses: Poses, grid: Floats, size: tuple[int, int]) -> csr_m
     """Return how coefficients of x, then of y, displace poses in their own frames: rows ahead, aside, turn of each."""
     n = len(poses.pose)
     free = np.ones(n)
-    free[0] = poses.precision[0] > 0.0
+    free[0] = poses.precision[0, 0] > 0.0
     value, by_x, by_y = splines(poses.pose[:, :2], grid, size)
     cosine, sine = diags(free * np.cos(poses.pose[:, 2])), diags(free * np.sin(poses.pose[:, 2]))
     ahead, aside = hstack([cosine @ value, sine @ value]), hstack([-sine @ value, cosine @ value])

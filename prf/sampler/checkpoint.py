@@ -90,7 +90,8 @@ def load_pose_model(folder: Path) -> PoseModel:
         parts = [under(name, arrays) for name in ("laser.", "sonar.")]
         laser, sonar = (LocalReadings(**part) if part else None for part in parts)
         kept = under("prior.", arrays)
-        prior = PosePrior(kept["given"], kept["noise"], kept["motion"], kept["spread"], float(kept["slip"]))
+        given, noise = kept["given"], np.broadcast_to(kept["noise"], (len(kept["given"]), 2))  # of earlier releases one
+        prior = PosePrior(given, noise, kept["motion"], kept["spread"], float(kept["slip"]))
         disputed = Closures(**under("disputed.", arrays))
         return PoseModel(prior, arrays["scan"], arrays["time"], arrays["start"], laser, sonar, disputed=disputed)
     except (KeyError, TypeError) as error:

@@ -171,7 +171,7 @@ def make_poses(target: Target, model: PoseModel, chain: Chain) -> Poses:
     room = chain.edge_index.grid.nx * chain.edge_index.grid.ny if len(half) else 1
     spread = np.zeros((n, 6))
     errors = np.where(np.isfinite(prior.noise), FIRST_SPREAD * prior.noise, 0.01)
-    spread[:, [0, 2, 5]] = errors[[0, 0, 1]]
+    spread[:, [0, 2, 5]] = errors[:, [0, 0, 1]]
     reading = rays[beam_of, c.RANGE]
     return Poses(
         pose=model.start.copy(),

@@ -342,7 +342,7 @@ def _started(config: Configuration, beams: Readings | None, cones: Readings | No
         model, weight = start.model, min(1.0, start.independence)
     return model, config.replace(
         beam_weight=config.laser.beam_weight or weight,
-        pose_noise=None if noise is None else model.prior.noise.tolist(),
+        pose_noise=None if noise is None else model.prior.noise[0].tolist(),
         odometry_noise=model.odometry,
     )
 

@@ -170,7 +170,8 @@ def given_scans(
     if odometry is not None:
         motion = seen_from(scans.pose[:-1], scans.pose[1:])
         steps = (motion, step_spread(motion, odometry))
-    prior = PosePrior(scans.pose, np.array(UNKNOWN if noise is None else noise, np.float64), *steps, slip=0.0)
+    errors = np.tile(np.array(UNKNOWN if noise is None else noise, np.float64), (len(scans.pose), 1))
+    prior = PosePrior(scans.pose, errors, *steps, slip=0.0)
     return Scans.rounded(prior.draw(rng), scans.time)
 
 

@@ -24,7 +24,7 @@ from prf.sampler.target import Execution, Target, make_chain, poses_of, rays_of,
 from tests.kernels.entries import parts_are_called
 from tests.reference.beams import Sensor
 from tests.reference.chain_state import structural_faults
-from tests.reference.pose_worlds import BARE, BOTH, DRIVEN, LASER, Rig, begin, draw_pose_world, scratch
+from tests.reference.pose_worlds import BARE, BOTH, DRIVEN, LASER, UNLIKE, Rig, begin, draw_pose_world, scratch
 from tests.reference.recompute import differences
 from tests.reference.slow_sonar import Ring
 
@@ -36,7 +36,7 @@ FAR = Rig(n=2, n_beams=40, n_cones=6, sensor=Sensor(5.0), ring=Ring(4.0), window
 
 
 @parts_are_called
-@pytest.mark.parametrize("rig", [LASER, DRIVEN, BOTH], ids=["errors", "odometry", "both"])
+@pytest.mark.parametrize("rig", [LASER, UNLIKE, DRIVEN, BOTH], ids=["errors", "unlike errors", "odometry", "both"])
 def test_the_prior_of_poses_is_that_of_the_model(rig: Rig) -> None:
     rng = np.random.default_rng(1)
     world = draw_pose_world(rig, rng)

@@ -435,7 +435,7 @@ def test_slips_and_loops_in_dispute_are_named(drawn: Trajectory) -> None:
     spread = np.full((n - 1, 3), 0.05)
     motion = seen_from(drawn.mean[:-1], drawn.mean[1:])
     drawn = dataclasses.replace(drawn, chain=(np.arange(len(drawn.draws)) % 2).astype(np.int32))
-    plain = dataclasses.replace(drawn, prior=PosePrior(drawn.given, np.full(2, np.inf), motion, spread))
+    plain = dataclasses.replace(drawn, prior=PosePrior(drawn.given, np.full((n, 2), np.inf), motion, spread))
     assert plain.slips.max() < 0.5
     assert "slipped" not in plain.words()
     motion = motion.copy()

@@ -42,6 +42,7 @@ class Rig(NamedTuple):
     scale: float = 0.25
     n: int = 3
     noise: tuple[float, float] | None = (0.1, 0.1)
+    first: float = 1.0  # errors of the first pose over those of others
     odometry: tuple[float, ...] | None = None
     slip: float = 0.0
     n_beams: int = 10  # a scan
@@ -52,6 +53,7 @@ class Rig(NamedTuple):
 
 
 LASER = Rig()
+UNLIKE = Rig(first=0.3)
 BOTH = Rig(n=2, n_beams=6, n_cones=4, odometry=(0.2, 0.1, 0.1, 0.1))
 DRIVEN = Rig(noise=None, odometry=(0.1, 0.05, 0.05, 0.05))
 SLIPPING = DRIVEN._replace(slip=0.3)
@@ -89,7 +91,7 @@ def draw_poses(prior: PosePrior, rng: np.random.Generator) -> Floats:
     """Poses of the prior; of independent errors and odometry together by rejection."""
     if prior.is_held or not len(prior.motion):
         return prior.draw(rng)
-    errors, steps = prior._replace(motion=np.zeros((0, 3))), prior._replace(noise=np.full(2, np.inf))
+    errors, steps = prior._replace(motion=np.zeros((0, 3))), prior._replace(noise=np.inf * prior.noise)
     most = np.log1p(np.exp(prior.log_slip).sum(axis=1)).sum()
     while True:
         poses = errors.draw(rng)
@@ -101,7 +103,9 @@ def draw_pose_world(rig: Rig, rng: np.random.Generator) -> PoseWorld:
     """Poses and a map of their priors until every sensor stands in white, then readings there."""
     silent = unread(rig, rig.n_beams) if rig.n_beams else None, unread(rig, rig.n_cones, 0.5) if rig.n_cones else None
     model = pose_model(*silent, rig.noise, rig.odometry)
-    model = dataclasses.replace(model, prior=model.prior._replace(slip=rig.slip))
+    errors = model.prior.noise.copy()
+    errors[0] *= rig.first
+    model = dataclasses.replace(model, prior=model.prior._replace(slip=rig.slip, noise=errors))
     while True:
         truth = draw_poses(model.prior, rng)
         laser, sonar = model.placed(*silent, truth)

@@ -36,7 +36,7 @@ def misfits(chain, state, prior, poses, xy) -> np.ndarray:  # type: ignore[no-un
             hit = model[c.HIT] * np.exp(-0.5 * ((ray[c.RANGE] - now) / s) ** 2) / (s * np.sqrt(2.0 * np.pi))
             found.append(np.sqrt(model[c.WEIGHT] * hit / (hit + model[c.OUTLIER_DENSITY])) * distance / s)
     if not prior.is_held:
-        found += list(((poses - prior.given) / prior.noise[[0, 0, 1]]).ravel())
+        found += list(((poses - prior.given) / prior.noise[:, [0, 0, 1]]).ravel())
     return np.array(found)
 
 

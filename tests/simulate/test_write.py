@@ -164,7 +164,7 @@ def test_steps_of_odometry_err_as_the_sampler_assumes_and_add_up() -> None:
     assert ((error / spread) ** 2).mean(axis=(0, 1)) == pytest.approx([1.0, 1.0, 1.0], abs=0.06)
     assert all(np.array_equal(pose[0], GIVEN_SCANS.pose[0]) for pose in drawn)
     # The law of the true poses around the recorded ones is the sampler's prior.
-    prior = PosePrior(drawn[0], np.full(2, np.inf), seen_from(drawn[0][:-1], drawn[0][1:]), spread)
+    prior = PosePrior(drawn[0], np.full((len(drawn[0]), 2), np.inf), seen_from(drawn[0][:-1], drawn[0][1:]), spread)
     assert -2.0 * prior.log_density(GIVEN_SCANS.pose) == pytest.approx(motion.size, rel=0.25)
 
 

@@ -53,7 +53,7 @@ def draw_field(window: Array, poses: Poses, rng: Rng) -> bool:
     work, start = poses.work, poses.start
     if poses.fields.shape[0] > 0 and rng.random() < SHARE_OF_MIXTURES:
         return draw_mixture(poses, rng)
-    if poses.precision[0] == 0.0 and rng.random() < SHARE_OF_ALL:
+    if poses.precision[0, 0] == 0.0 and rng.random() < SHARE_OF_ALL:
         work[CENTRE], work[CENTRE + 1] = poses.pose[0, 0], poses.pose[0, 1]
         work[RADIUS] = math.inf
         spread_of(poses, 0, random_scale(rng), rng, work[MOTION : MOTION + 3])
@@ -61,7 +61,7 @@ def draw_field(window: Array, poses: Poses, rng: Rng) -> bool:
     i = int(rng.random() * start.shape[0])
     work[CENTRE], work[CENTRE + 1] = start[i, 0], start[i, 1]
     widest = 2.0 * max(window[2] - window[0], window[3] - window[1])
-    is_held = poses.precision[0] == 0.0
+    is_held = poses.precision[0, 0] == 0.0
     if is_held:
         widest = math.sqrt((start[i, 0] - poses.pose[0, 0]) ** 2 + (start[i, 1] - poses.pose[0, 1]) ** 2)
         if widest == 0.0:
@@ -174,10 +174,10 @@ def prior_spread(poses: Poses, work: Array) -> tuple[float, float]:
     for i in range(poses.start.shape[0]):
         dx, dy = poses.start[i, 0] - work[CENTRE], poses.start[i, 1] - work[CENTRE + 1]
         share = share_at(work, dx, dy) ** 6
-        shift += share * poses.precision[0]
-        turn += share * (poses.precision[1] + poses.precision[0] * (dx * dx + dy * dy))
+        shift += share * poses.precision[i, 0]
+        turn += share * (poses.precision[i, 1] + poses.precision[i, 0] * (dx * dx + dy * dy))
         inside += share
-    if poses.precision[0] > 0.0:
+    if poses.precision[0, 0] > 0.0:
         return 1.0 / math.sqrt(shift), 1.0 / math.sqrt(turn)
     # Errors of odometry add up over the poses inside.
     return math.sqrt(inside / poses.weight[0, 0]), math.sqrt(inside / poses.weight[0, 2])

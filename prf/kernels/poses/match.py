@@ -70,9 +70,9 @@ def add_beam(model: Array, work: Array, pose: Array, ray: Array, xy: Array, widt
 def add_priors(poses: Poses, work: Array, pose: Array, i: int) -> None:
     """Add the error of the given pose, and the steps of the odometry from and to the neighbours."""
     turn = turn_between(pose[2], poses.given[i, 2])
-    add_terms(work, 1.0, 0.0, 0.0, poses.given[i, 0] - pose[0], poses.precision[0])
-    add_terms(work, 0.0, 1.0, 0.0, poses.given[i, 1] - pose[1], poses.precision[0])
-    add_terms(work, 0.0, 0.0, 1.0, turn, poses.precision[1])
+    add_terms(work, 1.0, 0.0, 0.0, poses.given[i, 0] - pose[0], poses.precision[i, 0])
+    add_terms(work, 0.0, 1.0, 0.0, poses.given[i, 1] - pose[1], poses.precision[i, 0])
+    add_terms(work, 0.0, 0.0, 1.0, turn, poses.precision[i, 1])
     if poses.motion.shape[0] == 0:
         return
     if i > 0:
@@ -158,7 +158,7 @@ def gather(graph: Graph, index: EdgeIndex, beams: Beams, poses: Poses, i: int, p
 @core
 def start_from(poses: Poses, i: int, mean: Array) -> None:
     """Write where the steps of the pose i begin: the given pose, or the next one along the odometry."""
-    if poses.precision[0] > 0.0:
+    if poses.precision[i, 0] > 0.0:
         for k in range(3):
             mean[k] = poses.given[i, k]
         return

@@ -34,7 +34,7 @@ def spread_of(poses: Poses, i: int, scale: float, rng: Rng, out: Array) -> None:
 @core
 def first_free(poses: Poses) -> int:
     """The first pose that may move: the second where odometry alone holds the poses."""
-    return 1 if poses.precision[0] == 0.0 else 0
+    return 1 if poses.precision[0, 0] == 0.0 else 0
 
 
 @core

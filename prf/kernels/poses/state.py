@@ -48,7 +48,7 @@ class Poses(NamedTuple):
     pose: Array  # (n, 3) f8 metres, radians
     start: Array  # (n, 3) f8 where chains start, about
     given: Array  # (n, 3) f8
-    precision: Array  # (2,) f8 of independent errors of the given poses: 1/m², 1/rad²; 0: none, the first pose is held
+    precision: Array  # (n, 2) f8 of independent errors of given poses: 1/m², 1/rad²; 0: none, the first pose is held
     motion: Array  # (n - 1, 3) f8 measured step to the next pose, in the frame of the former; (0, 3): no odometry
     weight: Array  # (n - 1, 3) f8 precision of that
     slip: Array  # (n - 1, 2) f8 log densities of a slip, and of being carried, without error, over that of no error
@@ -91,7 +91,7 @@ def log_given(poses: Poses, at: Array, i: int) -> float:
     x = at[i, 0] - poses.given[i, 0]
     y = at[i, 1] - poses.given[i, 1]
     turn = turn_between(poses.given[i, 2], at[i, 2])
-    return -0.5 * (poses.precision[0] * (x * x + y * y) + poses.precision[1] * turn * turn)
+    return -0.5 * (poses.precision[i, 0] * (x * x + y * y) + poses.precision[i, 1] * turn * turn)
 
 
 @core
