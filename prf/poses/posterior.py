@@ -83,6 +83,8 @@ class Trajectory:
         What was known of the poses; None: not known, so that nothing is said of steps in which the robot slipped.
     disputed : Closures
         Loops of which it was open whether they close when chains were started.
+    body : Trajectory or None
+        One pose more, by the number -1: that of readings of runs that were let go of (:mod:`prf.poses.body`).
     """
 
     scan: NDArray[np.int64]
@@ -94,6 +96,7 @@ class Trajectory:
     chain: NDArray[np.int32] | None = None
     prior: PosePrior | None = None
     disputed: Closures = NO_CLOSURES
+    body: Trajectory | None = None
 
     @cached_property
     def correction(self) -> Floats:
@@ -238,8 +241,9 @@ class Trajectory:
 
     def moved(self, readings: Readings, owner: NDArray[np.int32]) -> Readings:
         """Return readings at the given poses, numbered by `owner`, where the posterior means have them."""
-        given = np.column_stack([readings.origin, readings.angle])
-        found = compose(self.mean[owner], seen_from(self.given[owner], given))
+        parts = [self] if self.body is None else [self, self.body]
+        mean, start = (np.concatenate([getattr(part, name) for part in parts])[owner] for name in ("mean", "given"))
+        found = compose(mean, seen_from(start, np.column_stack([readings.origin, readings.angle])))
         return dataclasses.replace(readings, origin=found[:, :2].copy(), angle=found[:, 2].copy())
 
     def figures(self) -> dict[str, float]:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from prf.model.coloring import Coloring, Draws
 from prf.model.sensors import LARGEST_COORDINATE
 from prf.model.window import Window
+from prf.poses.body import BODY
 from prf.poses.model import NO_CLOSURES, Closures, PosePrior
 from prf.poses.posterior import Trajectory
 from prf.readings import PointTable, Readings
@@ -200,17 +201,21 @@ def read_trajectory(path: Path) -> Trajectory:
     arrays = load_arrays(path, names.SCHEMAS[names.POSES])
     scan = take_array(path, arrays, "scan", np.int64, (None,))
     n = len(scan)
-    laser, sonar = (_take_owners(path, arrays, f"pose_of_{kind}", n) for kind in ("laser", "sonar"))
     given = take_array(path, arrays, "given", np.float64, (n, 3))
+    prior, draws = _take_prior(path, arrays, given), take_array(path, arrays, "draws", np.float32, (None, n, 3))
+    body = None if prior is None else _take_body(path, arrays, len(draws), prior)
+    owned = range(0 if body is None else BODY, n)
+    laser, sonar = (_take_owners(path, arrays, f"pose_of_{kind}", owned) for kind in ("laser", "sonar"))
     found = Trajectory(
         scan,
         take_array(path, arrays, "time", np.float64, (n,)),
         given,
-        take_array(path, arrays, "draws", np.float32, (None, n, 3)),
+        draws,
         laser,
         sonar,
-        prior=_take_prior(path, arrays, given),
+        prior=prior,
         disputed=_take_closures(path, arrays, n),
+        body=body,
     )
     if not (np.isfinite(found.given).all() and np.isfinite(found.draws).all()):
         raise damaged(path, "a pose has a value that is not finite")
@@ -227,6 +232,20 @@ def _take_prior(path: Path, arrays: dict[str, NDArray[Any]], given: NDArray[np.f
     return PosePrior(given, noise, motion, spread, float(take_array(path, arrays, "slip", np.float64, ())))
 
 
+def _take_body(path: Path, arrays: dict[str, NDArray[Any]], n_draws: int, prior: PosePrior) -> Trajectory | None:
+    """Return the pose of what is left of runs that were let go of; None where there are none."""
+    prefix = names.BODY_PREFIX
+    if prefix + "given" not in arrays:
+        return None
+    given = take_array(path, arrays, prefix + "given", np.float64, (3,))[None]
+    noise = take_array(path, arrays, prefix + "noise", np.float64, (2,))[None]
+    draws = take_array(path, arrays, prefix + "draws", np.float32, (n_draws, 3))[:, None]
+    if not (np.isfinite(given).all() and np.isfinite(draws).all() and (noise > 0.0).all()):
+        raise damaged(path, "the pose of a body has an impossible value")
+    own = prior._replace(given=given, noise=noise)
+    return Trajectory(np.array([BODY]), np.array([np.nan]), given, draws, prior=own)
+
+
 def _take_closures(path: Path, arrays: dict[str, NDArray[Any]], n: int) -> Closures:
     """Return the loops in dispute; none in files that do not have them."""
     if names.LOOP_PREFIX + "tail" not in arrays:
@@ -240,11 +259,11 @@ def _take_closures(path: Path, arrays: dict[str, NDArray[Any]], n: int) -> Closu
     return Closures(tail, head, pose, take_array(path, arrays, names.LOOP_PREFIX + "covariance", np.float64, (k, 3, 3)))
 
 
-def _take_owners(path: Path, arrays: dict[str, NDArray[Any]], name: str, n: int) -> NDArray[np.int32] | None:
+def _take_owners(path: Path, arrays: dict[str, NDArray[Any]], name: str, owned: range) -> NDArray[np.int32] | None:
     if name not in arrays:
         return None
     owner: NDArray[np.int32] = take_array(path, arrays, name, np.int32, (None,))
-    if ((owner < 0) | (owner >= n)).any():
+    if ((owner < owned.start) | (owner >= owned.stop)).any():
         raise damaged(path, f"array {name} has a number that is not one of the poses")
     return owner
 

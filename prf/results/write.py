@@ -175,6 +175,9 @@ def write_trajectory(folder: Path, found: Trajectory) -> None:
     if found.prior is not None:
         known = found.prior._asdict() | {"noise": found.prior.noise[0]}
         arrays |= {name: np.asarray(value) for name, value in known.items() if name != "given"}
+    if (body := found.body) is not None and body.prior is not None:
+        own = {"given": body.given[0], "noise": body.prior.noise[0], "draws": body.draws[:, 0]}
+        arrays |= {names.BODY_PREFIX + name: value for name, value in own.items()}
     arrays |= {names.LOOP_PREFIX + name: value for name, value in found.disputed._asdict().items()}
     save_arrays(folder / names.POSES, names.SCHEMAS[names.POSES], arrays)
     if len(found.draws):

@@ -17,6 +17,7 @@ from prf.kernels import constants as c
 from prf.kernels.poses.state import POSE_MOVES
 from prf.model.coloring import Draws
 from prf.model.layout import image_grid, pixel_centres
+from prf.poses.body import BODY, apart
 from prf.poses.posterior import Trajectory, pose_functionals
 from prf.results import PosteriorImage
 from prf.results.convergence import Diagnosis, diagnose, disagree
@@ -185,9 +186,10 @@ class Ensemble:
         """Return what is followed of uncertain poses, each (n_chains, n_draws); nothing of certain ones."""
         if self.target.poses is None:
             return {}
-        given = self.target.poses.prior.given
+        given, first = self.target.poses.prior.given, int(self.target.poses.scan[0] == BODY)
         offsets = np.array([[draw.poses for draw in draws] for draws in recorded], np.float32)
-        return pose_functionals(given + offsets.reshape(*offsets.shape[:2], *given.shape), given)
+        poses = given + offsets.reshape(*offsets.shape[:2], *given.shape)
+        return pose_functionals(poses[..., first:, :], given[first:])
 
     @cached_property
     def _probe_names(self) -> list[str]:
@@ -213,8 +215,8 @@ class Ensemble:
         offsets = np.array(flat, np.float32).reshape(len(flat), len(model.scan), 3)
         laser, sonar = (None if part is None else part.owner for part in (model.laser, model.sonar))
         known = (model.prior, model.disputed)
-        return Trajectory(
-            model.scan, model.time, model.prior.given, offsets, laser, sonar, _chains_of(recorded), *known
+        return apart(
+            Trajectory(model.scan, model.time, model.prior.given, offsets, laser, sonar, _chains_of(recorded), *known)
         )
 
     def sample(self) -> Sample:

@@ -244,6 +244,7 @@ def test_stretches_are_drawn_alike_wherever_they_are() -> None:
 
 SONAR = BOTH._replace(n_beams=0, odometry=None)
 RIGS = {"laser": LASER, "sonar": SONAR, "both": BOTH, "odometry": DRIVEN, "beyond the window": FAR}
+RIGS["unlike errors"] = UNLIKE
 
 
 @pytest.mark.parametrize("rig", RIGS.values(), ids=RIGS.keys())
