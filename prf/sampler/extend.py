@@ -19,6 +19,7 @@ from prf.configuration import Configuration
 from prf.model.coloring import Coloring
 from prf.model.layout import image_grid, pixel_centres
 from prf.model.window import Window
+from prf.poses.body import body_of, joined
 from prf.poses.model import LocalReadings, PoseModel
 from prf.poses.plane import seen_from
 from prf.readings import Kind, LogNotes, PointTable, Readings, join_logs
@@ -91,14 +92,18 @@ def prepare_extension(
 
     `forget`: let readings of the run go where its draws agree (:mod:`prf.sampler.forget`).
     """
-    image = _check(run, forget)
+    image = _check(run)
     placed = run.placed()
     before = dataclasses.replace(placed, laser=_named(placed, "laser"), sonar=_named(placed, "sonar"))
     new = prepare_whole(config, laser, sonar, observed, run.draws.window)
     if before.laser is not None and new.target.laser is not None:
         warn_of_frames([before.laser, new.target.laser.readings])
-    kept, forgotten = (before.laser, {}) if not forget or before.laser is None else forgetting(run, before.laser)
-    beams = _joined(kept, new.target.laser)
+    forgotten: dict[str, Any] = {}
+    left = before
+    if forget and before.laser is not None:
+        standing, forgotten = forgetting(run, before.laser)
+        left = dataclasses.replace(before, laser=standing)
+    beams = _joined(left.laser, new.target.laser)
     rows = np.zeros(0, np.int64)
     if beams is not None:
         rows, share = _thinned(beams, new.config, MOST_BEAMS if forget else np.inf)
@@ -106,9 +111,11 @@ def prepare_extension(
     n_thinned = new.n_beams_thinned + int(run.manifest.get("n_beams_thinned", 0))
     n_thinned += 0 if beams is None else beams.n_beams - len(rows)
     known = _widened(image)
-    target, resolved = _target(before, image, new, None if beams is None else beams.select(rows), config.sampler.tiles)
+    poses = _joined_poses(run, left if forgotten else None, new.target, rows)
+    kept = None if beams is None else beams.select(rows)
+    target, resolved = _target(before, image, new, kept, poses, config.sampler.tiles)
     return new._replace(
-        target=dataclasses.replace(target, poses=_joined_poses(run, new.target, rows)),
+        target=target,
         config=resolved,
         n_beams_thinned=n_thinned,
         counts=new.counts if run.counts is None else run.counts.joined(new.counts, target.window),
@@ -126,11 +133,17 @@ def _widened(image: PosteriorImage) -> PosteriorImage:
 
 
 def _target(
-    before: RunData, image: PosteriorImage, new: Prepared, beams: Readings | None, tiles: int | None
+    before: RunData,
+    image: PosteriorImage,
+    new: Prepared,
+    beams: Readings | None,
+    poses: PoseModel | None,
+    tiles: int | None,
 ) -> tuple[Target, Configuration]:
     """Return the target of all readings, and the configuration with what is chosen by them.
 
-    `new`: those that the run `before` did not have, made ready alone. `beams`: all of the laser.
+    `new`: those that the run `before` did not have, made ready alone. `beams`: all of the laser. `poses`: uncertain
+    ones of all readings.
     """
     cones = _joined(before.sonar, new.target.sonar)
     points = _joined_points(before.points, None if new.target.points is None else new.target.points.readings)
@@ -146,8 +159,10 @@ def _target(
     seen |= False if new.target.seen is None else new.target.seen
     way = np.unique(np.concatenate([before.way, new.target.way]), axis=0)
     tuning = Tuning(first_new_log=0 if before.laser is None else len(before.laser.names))
+    if poses is not None:  # from the model, as a run is resumed: else bits differ
+        beams, cones = poses.placed(beams, cones, poses.start)
     target = make_target(resolved, beams, cones, points)
-    return dataclasses.replace(target, way=way, seen=seen, tuning=tuning), resolved
+    return dataclasses.replace(target, way=way, seen=seen, tuning=tuning, poses=poses), resolved
 
 
 def last_maps(run: RunData, n_chains: int) -> tuple[Coloring, ...]:
@@ -159,28 +174,32 @@ def last_maps(run: RunData, n_chains: int) -> tuple[Coloring, ...]:
     return tuple(Coloring(*run.draws[int(rows[-1 - each])]) for rows, each in zip(picked, back, strict=True))
 
 
-def _joined_poses(run: RunData, new: Target, rows: NDArray[np.int64]) -> PoseModel | None:
+def _joined_poses(run: RunData, left: RunData | None, new: Target, rows: NDArray[np.int64]) -> PoseModel | None:
     """Return the uncertain poses of a run, which start at their means, and of new readings; None of certain ones.
 
-    `rows`: beams of all that are kept.
+    `left`: what is left of the run if it is let go of, at the mean poses. `rows`: beams of all that are kept.
     """
-    found = run.trajectory
-    if found is None or found.prior is None or new.poses is None:
+    if run.trajectory is None or new.poses is None:
         return None
+    found, kept = (joined(run.trajectory), run) if left is None else (body_of(run.trajectory), left)
+    assert found.prior is not None
+    at = found.given if left is None else found.mean
     local: list[LocalReadings | None] = []
-    for readings, owner in ((run.laser, found.laser), (run.sonar, found.sonar)):
-        if readings is None or owner is None:
+    for readings, owner in ((kept.laser, found.laser), (kept.sonar, found.sonar)):
+        if readings is None:
             local.append(None)
             continue
-        seen = seen_from(found.given[owner], np.column_stack([readings.origin, readings.angle]))
-        local.append(LocalReadings(owner, np.ascontiguousarray(seen[:, :2]), seen[:, 2].copy()))
+        of = np.zeros(readings.n_beams, np.int32) if owner is None else owner
+        seen = seen_from(at[of], np.column_stack([readings.origin, readings.angle]))
+        local.append(LocalReadings(of, np.ascontiguousarray(seen[:, :2]), seen[:, 2].copy()))
     before = PoseModel(found.prior, found.scan, found.time, found.mean, laser=local[0], sonar=local[1])
-    model = before.followed_by(new.poses, 1 + int(found.scan.max(initial=-1)))
+    numbered = kept.sonar if kept.laser is None else kept.laser
+    model = before.followed_by(new.poses, 0 if numbered is None else sum(numbered.lengths))
     n_cones = 0 if model.sonar is None else len(model.sonar.owner)
     return model.used(rows, np.arange(n_cones))
 
 
-def _check(run: RunData, forget: bool) -> PosteriorImage:
+def _check(run: RunData) -> PosteriorImage:
     """Return the image of a run that can be gone on from."""
     if len(run.draws) == 0:
         raise InputError(f"{run.name}: no draws yet to go on from. Resume it with prf sample --resume.")
@@ -191,10 +210,6 @@ def _check(run: RunData, forget: bool) -> PosteriorImage:
     poses = run.trajectory
     if poses is not None and (poses.prior is None or len(poses.prior.motion) > 0):
         raise ConfigError(f"{run.name}: its poses are of odometry, which says nothing of those of other logs.")
-    if poses is not None and forget:
-        raise ConfigError(
-            f"{run.name}: its poses were sampled, and readings are let go of given ones. Leave out forget."
-        )
     return run.image
 
 

@@ -6,6 +6,9 @@ Those that stay take over what the others say: on each stretch of a wall the slo
 likelihood as the wall moves across (for normal errors of beams at angles a the sum of w / (s cos a)^2 with its mean),
 in free ground the weight. So later readings can still move a wall, or show that it is gone. What no draw explains is
 thinned, and stands for nothing but itself.
+
+Where poses were sampled the beams stand at the mean poses, and go on as one body. Walls are compared as this sees them
+in each draw; and they are held by no more than the draws know of their places.
 """
 
 from __future__ import annotations
@@ -20,6 +23,8 @@ from numpy.typing import NDArray
 from prf.kernels import constants as c
 from prf.kernels.score.laser import add_densities
 from prf.model.ranges import laser_array, make_rays
+from prf.poses.body import body_of
+from prf.poses.plane import compose, seen_from
 from prf.readings import Readings
 from prf.readings.ground import Passages, draw_evenly, strata_of, weights
 from prf.results import RunData
@@ -68,11 +73,15 @@ def forgetting(run: RunData, laser: Readings) -> tuple[Readings, dict[str, Any]]
         )
     evidence = Evidence(run, laser)
     found, error = evidence.condensed()
+    report = {"n_beams": laser.n_beams, "n_kept": found.n_beams, "nats": error, "nats_per_beam": error / laser.n_beams}
+    poses = ""
+    if run.trajectory is not None:
+        report["n_poses"] = len(run.trajectory.scan)
+        poses = f"; its {report['n_poses']:,} poses are fixed to one another at their means"
     logger.info(
         f"forgot {laser.n_beams - found.n_beams:,} of the {laser.n_beams:,} beams of {run.name}; the others stand for "
-        f"them to {error:.2g} nats, {error / laser.n_beams:.1g} a beam (docs/sessions.md)"
+        f"them to {error:.2g} nats, {error / laser.n_beams:.1g} a beam{poses} (docs/sessions.md)"
     )
-    report = {"n_beams": laser.n_beams, "n_kept": found.n_beams, "nats": error, "nats_per_beam": error / laser.n_beams}
     return found, {"forgotten": report}
 
 
@@ -81,6 +90,10 @@ class Evidence:
 
     Attributes
     ----------
+    body : Trajectory or None
+        Of sampled poses that of all of them as one (:mod:`prf.poses.body`); None of given ones.
+    weight : (n,) float64
+        Beams that each counts as.
     distance : (n_draws, n) float64
         To the first wall in each draw, metres; inf: none. Every second draw must agree, the others measure the error.
     hit, free, stray : (n,) bool
@@ -93,26 +106,42 @@ class Evidence:
 
     def __init__(self, run: RunData, laser: Readings) -> None:
         self.laser, self.model, self.window = laser, run.laser_model(), run.draws.window
+        self.weight = laser.weight.copy()
+        self.body = None if run.trajectory is None else body_of(run.trajectory)
         self.ray = make_rays(self.window, self.model, laser.origin, laser.angle, laser.range)
         self.returned: Bools = np.isfinite(self.ray[:, c.RANGE]) & (self.ray[:, c.RANGE] >= 0.0)
         chosen = np.unique(np.linspace(0, len(run.draws) - 1, 2 * MOST_DRAWS).astype(np.int64)).tolist()
         segments = [run.draws[i].segments() for i in chosen]
-        self.distance = np.array([first_edges(self.ray, each, self.window) for each in segments])
-        self._sort(segments[len(segments) // 2])
+        self.distance = np.array(
+            [first_edges(self._rays(i), each, self.window) for i, each in zip(chosen, segments, strict=True)]
+        )
+        middle = len(segments) // 2
+        self._sort(segments[middle], self._rays(chosen[middle]))
 
-    def _sort(self, reference: Floats) -> None:
-        """Find which beams are settled, and by what: on a stretch of a wall of one draw, or in free ground."""
+    def _rays(self, draw: int) -> Floats:
+        """Return the beams where a draw has the body that they are part of: map and poses may move as a whole."""
+        if self.body is None:
+            return self.ray
+        local = seen_from(self.body.mean, np.column_stack([self.laser.origin, self.laser.angle]))
+        moved = compose(self.body.given + self.body.draws[draw], local)
+        return make_rays(self.window, self.model, moved[:, :2], moved[:, 2], self.laser.range)
+
+    def _sort(self, reference: Floats, ray: Floats) -> None:
+        """Find which beams are settled, and by what: on a stretch of a wall of one draw, or in free ground.
+
+        `reference`: the walls of that draw; `ray`: the beams as it has them.
+        """
         agreeing = self.distance[::2]
         near = np.where(np.isfinite(agreeing), agreeing, 0.0)
         spread = np.maximum(self.model.noise, self.model.noise_relative * near)
         reading = np.where(self.returned, self.ray[:, c.RANGE], 0.0)
         explained = self.returned & (np.abs(reading - agreeing) <= EXPLAINED * spread)
-        distance, edge = first_hits(self.ray, reference, self.window)
+        distance, edge = first_hits(ray, reference, self.window)
         met = edge != c.NONE
         wall = np.vstack([reference, [0.0, 0.0, 1.0, 0.0]])[edge]  # the last stands for none
         along = wall[:, 2:] - wall[:, :2]
         length = np.hypot(*along.T)
-        direction = self.ray[:, c.DIRECTION_X : c.DIRECTION_Y + 1]
+        direction = ray[:, c.DIRECTION_X : c.DIRECTION_Y + 1]
         cosine = np.abs(direction[:, 0] * along[:, 1] - direction[:, 1] * along[:, 0]) / length
         self.cosine = np.maximum(cosine, LEAST_COSINE)
         is_known = near.std(axis=0) * self.cosine <= KNOWN * spread.mean(axis=0)
@@ -120,7 +149,7 @@ class Evidence:
         self.free: Bools = ~self.returned & np.isinf(agreeing).all(axis=0)
         self.stray: Bools = self.returned & ~explained.any(axis=0)
         self.mean, self.spread = near.mean(axis=0), spread.mean(axis=0)
-        end = self.ray[:, :2] + np.where(met, distance, 0.0)[:, None] * direction
+        end = ray[:, :2] + np.where(met, distance, 0.0)[:, None] * direction
         place = ((end - wall[:, :2]) * along).sum(axis=1) / length
         off = (near - self.mean) * self.cosine
         self.stretch, apart = np.full(len(self.ray), c.NONE, np.int64), self.hit.copy()
@@ -134,6 +163,20 @@ class Evidence:
         self.stretch[self.hit] = np.unique(self.stretch[self.hit], return_inverse=True)[1]
         square = np.column_stack([np.floor(self._ends() / SQUARE).astype(np.int64), self.free])
         self.square = np.unique(square, axis=0, return_inverse=True)[1].reshape(-1)
+        if self.body is not None:
+            self._temper(off[:, self.hit], edge[self.hit].astype(np.int64))
+
+    def _temper(self, off: Floats, wall: Ints) -> None:
+        """Let settled beams hold each wall no more than draws know its place: at fixed poses they would hold it more.
+
+        All of a wall together: what poses leave unknown of its place is the same along it. `off` (n_draws, n_hit):
+        metres across the wall from its mean place; `wall` (n_hit,): its number.
+        """
+        curvature = self._slopes()[1][self.hit]
+        hold = np.maximum(np.bincount(wall, curvature), LEAST_CURVATURE)
+        moved = np.array([np.bincount(wall, curvature * each) for each in off]) / hold
+        share = 1.0 / np.maximum(self.model.weight * hold * moved.var(axis=0, ddof=1), 1.0)
+        self.weight[self.hit] *= share[wall]
 
     def _move_alike(self, off: Floats, stretch: Ints, chosen: Bools) -> Bools:
         """Return which beams find from draw to draw that their stretch of wall as a whole has moved.
@@ -149,14 +192,14 @@ class Evidence:
 
     def condensed(self) -> tuple[Readings, float]:
         """Return the beams that stay, with what they stand for, and the error in nats."""
-        laser, plain = self.laser, 1.0 / (self.spread * self.cosine) ** 2
+        plain = 1.0 / (self.spread * self.cosine) ** 2
         slope, curvature = self._slopes()
-        kept = self._chosen(laser.weight * plain)
-        weight, reading = laser.weight.copy(), laser.range.copy()
+        kept = self._chosen(self.weight * plain)
+        weight, reading = self.weight.copy(), self.laser.range.copy()
         rest = ~(self.hit | self.stray)
         for group, chosen, value, own in (
-            (self.stretch, self.hit, curvature, laser.weight * plain),
-            (self.square, rest, laser.weight, laser.weight),
+            (self.stretch, self.hit, curvature, self.weight * plain),
+            (self.square, rest, self.weight, self.weight),
         ):
             some = chosen & kept
             total, left = (
@@ -170,8 +213,8 @@ class Evidence:
         standing = self.hit & kept & gone[self.stretch]
         place = self.stretch[standing]
         reading[standing] = self.mean[standing] + pull[place] / hold[place] / self.cosine[standing]
-        weight[self.hit & ~standing] = laser.weight[self.hit & ~standing]
-        found = dataclasses.replace(laser, weight=weight, range=reading).select(kept)
+        weight[self.hit & ~standing] = self.weight[self.hit & ~standing]
+        found = dataclasses.replace(self.laser, weight=weight, range=reading).select(kept)
         return found, self._error(found, kept)
 
     def _slopes(self) -> tuple[Floats, Floats]:
@@ -181,7 +224,7 @@ class Evidence:
         """
         step = STEP * self.spread
         near, here, far = (
-            self.laser.weight * self._log_density(self.ray[:, c.RANGE], self.mean + each) for each in (-step, 0.0, step)
+            self.weight * self._log_density(self.ray[:, c.RANGE], self.mean + each) for each in (-step, 0.0, step)
         )
         slope = (far - near) / (2.0 * step * self.cosine)
         curvature = (2.0 * here - near - far) / (step * self.cosine) ** 2
@@ -216,7 +259,7 @@ class Evidence:
         """Return the standard deviation over other draws of what the log likelihood changes by, nats."""
         other = self.distance[1::2]
         ray = make_rays(self.window, self.model, found.origin, found.angle, found.range)
-        before = np.array([self.laser.weight @ self._log_density(self.ray[:, c.RANGE], each) for each in other])
+        before = np.array([self.weight @ self._log_density(self.ray[:, c.RANGE], each) for each in other])
         after = np.array([found.weight @ self._log_density(ray[:, c.RANGE], each[kept]) for each in other])
         return float(np.std(after - before, ddof=1)) * self.model.weight
 

@@ -18,12 +18,15 @@ from prf.output.run import Run
 from prf.readings import Readings
 from prf.results import RunData
 from prf.results.disputes import disputes
+from prf.sampler import Ensemble
 from prf.sampler.continued import continued_map
 from prf.sampler.extend import last_maps, prepare_extension
 from prf.sampler.prepare import Prepared
 from prf.shell.errors import ConfigError, InputError
+from tests.driving import advance, find_starts
 from tests.factories import make_run
 from tests.reference.beams import Sensor, draw_readings, impacts
+from tests.reference.recompute import differences
 
 SENSOR = Sensor(30.0, noise=0.03, outlier=0.02, miss=0.02)
 WINDOW = (0.0, 0.0, 10.0, 8.0)
@@ -88,9 +91,9 @@ def test_its_first_maps_are_the_last_of_each_chain(morning: Run) -> None:
         assert not np.array_equal(maps[2 + k].xy, maps[k].xy)
 
 
-def prepared(run: RunData, readings: Readings, window: tuple[float, ...] = WINDOW) -> Prepared:
+def prepared(run: RunData, readings: Readings, window: tuple[float, ...] = WINDOW, forget: bool = False) -> Prepared:
     stored = Configuration.of(**run.manifest["configuration"])
-    return prepare_extension(run, stored.replace(window=window, tiles=None), readings, None, None)
+    return prepare_extension(run, stored.replace(window=window, tiles=None), readings, None, None, forget)
 
 
 def test_a_map_that_nothing_contradicts_goes_on_to_the_last_bit(morning: Run) -> None:
@@ -141,29 +144,104 @@ def test_an_extended_run_resumes_as_if_never_stopped(morning: Run, tmp_path: Pat
     assert parts.manifest["forgotten"]["n_beams"] == 480
 
 
-def test_sampled_poses_of_both_sessions_go_on() -> None:
-    rng = np.random.default_rng(5)
+ERRORS = np.random.default_rng(5).normal(0.0, 0.02, (len(MORNING), 2))
+
+
+@pytest.fixture(scope="module")
+def posed() -> Run:
+    """A run of the morning whose poses err, and were sampled."""
     shifted = scans(hall(), MORNING, 1, "morning")
-    off = rng.normal(0.0, 0.02, (len(MORNING), 2))
-    shifted = dataclasses.replace(shifted, origin=shifted.origin + off[shifted.scan])
-    first = sample(shifted, pose_noise=(0.03, 0.005))
+    shifted = dataclasses.replace(shifted, origin=shifted.origin + ERRORS[shifted.scan])
+    return sample(shifted, pose_noise=(0.03, 0.005))
+
+
+@pytest.fixture(scope="module")
+def let_go(posed: Run, tmp_path_factory: pytest.TempPathFactory) -> Run:
+    """What comes after it if it is let go of."""
+    evening = scans(hall(), EVENING, 2, "evening")
+    return sample(evening, 80_000, posed, forget=True, output=tmp_path_factory.mktemp("runs") / "whole")
+
+
+def test_sampled_poses_of_both_sessions_go_on(posed: Run) -> None:
+    first, off = posed, ERRORS
     run = sample(scans(hall(), EVENING, 2, "evening"), extend=first)
     assert run.trajectory is not None
     assert first.trajectory is not None
     assert run.laser is not None
     assert run.trajectory.scan.tolist() == list(range(8))
     np.testing.assert_array_equal(run.trajectory.given[:4], first.trajectory.given)
-    np.testing.assert_array_equal(run.laser.origin[run.laser.log == 0], shifted.origin)
+    np.testing.assert_array_equal(run.laser.origin[run.laser.log == 0], first.laser.origin)  # type: ignore[union-attr]
     assert (run.trajectory.laser == run.laser.scan).all()
     error = run.trajectory.mean[:4, :2] - run.trajectory.given[:4, :2] + off
     # Where they lie together is not known better than they were given.
     assert error.std(axis=0).max() < 0.6 * off.std(axis=0).min()
-    with pytest.raises(ConfigError, match="its poses were sampled"):
-        sample(scans(hall(), EVENING, 2), extend=first, forget=True)
     assert first.trajectory.prior is not None
     driven = first.trajectory.prior._replace(motion=np.zeros((3, 3)))
     with pytest.raises(ConfigError, match="its poses are of odometry"):
-        prepared(dataclasses.replace(first, trajectory=dataclasses.replace(first.trajectory, prior=driven)), shifted)
+        prepared(
+            dataclasses.replace(first, trajectory=dataclasses.replace(first.trajectory, prior=driven)),
+            scans(hall(), EVENING, 2),
+        )
+
+
+def test_sampled_poses_that_are_let_go_of_move_as_one_body(posed: Run, let_go: Run) -> None:
+    """Their readings lie to each other as the mean poses had them; it errs as the mean of so many poses does."""
+    found, own = let_go.trajectory, posed.placed().laser
+    assert found is not None
+    assert found.body is not None
+    assert found.body.prior is not None
+    assert own is not None
+    assert let_go.laser is not None
+    assert found.scan.tolist() == [4, 5, 6, 7]
+    assert found.laser is not None
+    np.testing.assert_array_equal(found.laser == -1, let_go.laser.log == 0)
+    assert let_go.manifest["forgotten"]["n_poses"] == 4
+    assert found.body.prior.noise[0, 0] == pytest.approx(0.03 / np.sqrt(4.0))
+    assert 0.002 < found.body.draws[:, 0, :2].std(axis=0).max() < 0.03
+    left = let_go.placed().laser.select(found.laser == -1)  # type: ignore[union-attr]
+    places = [np.unique(np.round(each.origin, 6), axis=0) for each in (own, left)]
+    apart = [np.hypot(*(each[:, None] - each[None]).T) for each in places]
+    np.testing.assert_allclose(*apart, atol=1e-5)
+
+
+@pytest.mark.parametrize("forget", [False, True])
+def test_a_run_that_let_go_of_poses_goes_on(let_go: Run, forget: bool) -> None:
+    """The body stays one, or takes up the poses that came after it."""
+    run = sample(scans(hall(), MORNING, 3, "night"), 30_000, let_go, forget=forget)
+    found, before = run.trajectory, let_go.trajectory
+    assert found is not None
+    assert found.body is not None
+    assert before is not None
+    assert before.body is not None
+    assert found.scan.tolist() == list(range(8, 12) if forget else range(4, 12))
+    if not forget:
+        np.testing.assert_array_equal(found.body.given, before.body.given)
+    assert found.body.prior.noise[0, 0] == pytest.approx(0.03 / np.sqrt(8.0 if forget else 4.0))  # type: ignore[union-attr]
+    assert run.laser is not None
+    assert set(run.laser.scan[run.laser.log == 2].tolist()) == {8, 9, 10, 11}
+
+
+def test_a_run_that_let_go_of_poses_resumes_as_if_never_stopped(posed: Run, let_go: Run, tmp_path: Path) -> None:
+    sample(scans(hall(), EVENING, 2, "evening"), 40_000, posed, forget=True, output=tmp_path / "parts")
+    prf.resume(tmp_path / "parts", steps=80_000, threads=1, progress=False)
+    parts = prf.read_run(tmp_path / "parts")
+    assert let_go.trajectory is not None
+    assert parts.trajectory is not None
+    np.testing.assert_array_equal(let_go.draws.xy, parts.draws.xy)
+    np.testing.assert_array_equal(let_go.trajectory.draws, parts.trajectory.draws)
+    np.testing.assert_array_equal(let_go.trajectory.body.draws, parts.trajectory.body.draws)  # type: ignore[union-attr]
+
+
+def test_what_a_body_adds_up_is_that_of_map_and_poses(posed: Run) -> None:
+    """After turns of the map and of poses, its own among them, all that is kept agrees with the slow twins."""
+    found = prepared(posed, scans(hall(), EVENING, 2), forget=True)
+    ensemble = Ensemble(found.target, np.random.default_rng(3).spawn(1), earlier=found.earlier[:1])
+    find_starts(ensemble)
+    advance(ensemble)
+    [run] = ensemble.chains
+    assert run.poses is not None
+    assert (run.poses.state.pose[0] != found.target.poses.start[0]).all()  # type: ignore[union-attr]
+    assert differences(run.chain) == []
 
 
 @pytest.mark.parametrize(

@@ -7,12 +7,15 @@ import dataclasses
 import numpy as np
 import pytest
 import shapely
+import shapely.affinity
 from numpy.typing import NDArray
 
 from prf.kernels.state.grid import make_grid
 from prf.model.coloring import Coloring, Draws, from_polygons
 from prf.model.ranges import unit_vectors
 from prf.model.window import Window
+from prf.poses.model import PosePrior
+from prf.poses.posterior import Trajectory
 from prf.readings import Readings
 from prf.readings.ground import count_beams
 from prf.results import RunData
@@ -26,10 +29,10 @@ SENSOR = Sensor(20.0, noise=0.03, outlier=0.05, miss=0.02)
 SEED = 20261128
 
 
-def room(right: float = 9.0, door: float = 0.0) -> Coloring:
-    """A room whose right wall stands at `right`, with a door in it of this width."""
-    walls = shapely.box(*WINDOW).difference(shapely.box(1.0, 1.0, right, 7.0))
-    return from_polygons(walls.difference(shapely.box(right, 4.0 - 0.5 * door, 9.8, 4.0 + 0.5 * door)), WINDOW)
+def room(right: float = 9.0, door: float = 0.0, up: float = 0.0) -> Coloring:
+    """A room whose right wall stands at `right`, with a door in it of this width; all of it displaced by `up`."""
+    free = shapely.box(1.0, 1.0, right, 7.0).union(shapely.box(right, 4.0 - 0.5 * door, 9.8, 4.0 + 0.5 * door))
+    return from_polygons(shapely.box(*WINDOW).difference(shapely.affinity.translate(free, 0.0, up)), WINDOW)
 
 
 def beams(rng: np.random.Generator, n_scans: int = 12) -> Readings:
@@ -51,6 +54,22 @@ def run_of(rng: np.random.Generator, n_draws: int = 40) -> RunData:
         functionals={},
         laser=beams(rng),
     )
+
+
+def posed_run(rng: np.random.Generator, spread: float, up: float, n_draws: int = 40) -> RunData:
+    """Draws that know where the right wall stands within `spread`, and all of the map, with the poses, within `up`."""
+    run = run_of(rng, n_draws)
+    assert run.laser is not None
+    ups = rng.normal(0.0, up, n_draws)
+    maps = [room(9.0 + off, up=y) for off, y in zip(rng.normal(0.0, spread, n_draws), ups, strict=True)]
+    scan, first = np.unique(run.laser.scan, return_index=True)
+    given, steps = np.column_stack([run.laser.origin[first], np.zeros(len(scan))]), np.zeros((0, 3))
+    draws = np.zeros((n_draws, len(scan), 3), np.float32)
+    draws[:, :, 1] = ups[:, None]
+    prior = PosePrior(given, np.tile([0.05, 0.01], (len(scan), 1)), steps, steps)
+    owner = run.laser.scan.astype(np.int32)
+    found = Trajectory(scan, np.full(len(scan), np.nan), given, draws, owner, chain=run.chain, prior=prior)
+    return dataclasses.replace(run, draws=Draws.from_colorings(maps, WINDOW), trajectory=found)
 
 
 def log_likelihood(readings: Readings, coloring: Coloring) -> float:
@@ -92,6 +111,27 @@ def test_beams_that_are_dropped_alone_lose_what_is_known(monkeypatch: pytest.Mon
     off = np.array([-0.02, 0.02])
     assert (profile(alone, off) > 0.8 * profile(run.laser, off)).all()
     assert (np.abs(profile(found, off) - profile(run.laser, off)) < 0.1 * np.abs(profile(run.laser, off))).all()
+
+
+def test_what_stands_still_beside_the_poses_is_settled() -> None:
+    """Map and poses that move as a whole, by more than the noise, from draw to draw."""
+    run = posed_run(np.random.default_rng(SEED), 0.002, 0.1)
+    assert run.laser is not None
+    assert forget.Evidence(run, run.placed().laser).hit.mean() > 0.8  # type: ignore[arg-type]
+    assert forget.Evidence(dataclasses.replace(run, trajectory=None), run.laser).hit.mean() < 0.5
+
+
+def test_beams_at_fixed_poses_say_no_more_of_a_wall_than_draws_know() -> None:
+    """Poses that are uncertain leave a wall less known than the noise of its many beams would."""
+    spread = 0.01
+    run = posed_run(np.random.default_rng(SEED), spread, 0.0, 100)
+    assert run.laser is not None
+    found, told = forgetting(run, run.laser)
+    assert told["forgotten"]["n_poses"] == 12
+    off = np.array([-2.0 * spread, 2.0 * spread])
+    assert -5.0 < profile(found, off).mean() < -1.5  # two of theirs; beams on which draws differ say something besides
+    assert (profile(run.laser, off) < -100.0).all()
+    assert told["forgotten"]["nats"] < 0.5
 
 
 def test_what_draws_do_not_agree_on_is_kept_for_what_it_is() -> None:
