@@ -34,6 +34,7 @@ from benchmarks.unseen_table import (
     THICKNESS,
     lines,
 )
+from mapq.configuration import SURFACES
 from mapq.crf import Labelling, classify
 from mapq.features.compute import feature_settings
 from mapq.io.models import read_default_model, read_model
@@ -58,6 +59,8 @@ BETWEEN, AGREES = (0.12, 0.3), 0.05
 """Metres: truly apart at the first tolerance and not at the last, and surely not apart."""
 FAR, NEAR = 0.2, 0.1
 """Metres: patches farther apart shall rank before those that are closer."""
+OF_SURFACES = {POINTS: (TOLERANCES[-1], 0.28, 0.1), SCANS: (TOLERANCES[0], 0.1, AGREES)}
+"""Tolerance at which kinds of surfaces are judged; patches truly farther apart, and closer, than these are compared."""
 
 Say = Callable[[str], None]
 
@@ -81,6 +84,8 @@ class Said(NamedTuple):
         By method; the higher, the more suspicious.
     share, judged : float
         Of area that is called suspicious, and of points that are in patches.
+    kind, counts : (m,)
+        Of the surface, its place in `SURFACES`; its share of the points of the map.
     points : Judged
         At most `MOST_COMPARED` of them.
     disagreement : (m, 3) float64
@@ -98,6 +103,8 @@ class Said(NamedTuple):
     score: dict[str, np.ndarray]
     share: float
     judged: float
+    kind: np.ndarray
+    counts: np.ndarray
     points: Judged
     disagreement: np.ndarray
     at: dict[float, Labelling]
@@ -125,6 +132,8 @@ def read_said(folder: Path, row: Map, model: Model, forest: Any, before: dict[st
             score,
             float(counts["share_of_area"]),
             counts["n_points_in_patches"] / max(counts["n_points"], 1),
+            patches.kinds,
+            patches.counts / max(counts["n_points"], 1),
             _some(judge(result, row.name)),
             result.features.disagreement,
             {tolerance: classify(result.features, model, tolerance) for tolerance in TOLERANCES},
@@ -157,7 +166,28 @@ def _some(points: Judged) -> Judged:
     return some._replace(area=step * some.area)
 
 
-def summary(said: Sequence[Said]) -> dict[str, Any]:
+def of_surface(said: Sequence[Said], kind: int, variant: str) -> dict[str, float]:
+    """Return how well one kind of surface is judged: share of points, ranks, recall, and what right maps have called."""
+    tolerance, far, near = OF_SURFACES[variant]
+    parts = []
+    for each in said:
+        mine, at = each.kind == kind, each.at[tolerance]
+        is_right = np.full(np.count_nonzero(mine), each.row.kind in (RIGHT, ALONE))
+        parts.append((each.plain.metres[mine], at.probability[mine], at.label[mine] == SUSPICIOUS, is_right))
+    true, p, called, is_right = (np.concatenate(part) for part in zip(*parts, strict=True))
+    ranked = (true > far) | (true < near)
+    both = len(np.unique(true[ranked] > far)) == 2
+    return {
+        "share_of_points": float(np.mean([each.counts[each.kind == kind].sum() for each in said])),
+        "n_far": int((true > far).sum()),
+        "auc": area_under_curve(p[ranked].astype(float), true[ranked] > far) if both else float("nan"),
+        "found": _share(called[true > far].sum(), (true > far).sum()),
+        "n_right": int(is_right.sum()),
+        "alarms": _share(called[is_right].sum(), is_right.sum()),
+    }
+
+
+def summary(said: Sequence[Said], variant: str) -> dict[str, Any]:
     """Return the numbers of one set in one variant."""
     right = [each for each in said if each.row.kind in (RIGHT, ALONE)]
     found: dict[str, Any] = {
@@ -171,6 +201,7 @@ def summary(said: Sequence[Said]) -> dict[str, Any]:
         "disagreement": metres(said),
         "curve": curve(said),
         "tolerances": tolerances(said),
+        "surfaces": {name: of_surface(said, number, variant) for number, name in enumerate(SURFACES[:2])},
     }
     pairs = [(one, other) for one in said for other in said if one.row.kind == RIGHT and other.row.kind == WRONG]
     found["compare"] = [sum(_ranked(*pair) for pair in pairs), len(pairs)]
@@ -318,7 +349,7 @@ def score(
         by_variant = {variant: [each[variant] for each in maps] for variant in (POINTS, SCANS)}
         yield (
             place,
-            {variant: summary(said) for variant, said in by_variant.items()},
+            {variant: summary(said, variant) for variant, said in by_variant.items()},
             {variant: {each.row.name: kept(each) for each in said} for variant, said in by_variant.items()},
         )
 

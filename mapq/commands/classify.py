@@ -321,7 +321,8 @@ def _pose_lines(found: CheckedPoses) -> Iterator[str]:
     if found.drift is not None:
         value, low, high = (100.0 * part for part in found.drift[:3])
         of = "metre driven" if found.drift.unit == "m/m" else "minute"
-        yield f"drift           {value:.2f} cm a {of} ({low:.2f} to {high:.2f}), {100 * found.drift.rise:+.2f} of it upwards"
+        rise = f"{100.0 * found.drift.rise:+.2f} of it upwards"
+        yield f"drift           {value:.2f} cm a {of} ({low:.2f} to {high:.2f}), {rise}"
     if found.edges:
         yield f"edges           {len(found.wrong_rows)} of {len(found.edges)} probably wrong"
     elif found.scans and is_verbose():

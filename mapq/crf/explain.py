@@ -14,7 +14,7 @@ from mapq.crf.energy import (
     model_inputs,
     node_columns,
 )
-from mapq.crf.trees import LOW_RATIO, columns_of, decided
+from mapq.crf.trees import KNOWS_SCANS, LOW_RATIO, columns_of, decided
 from mapq.features.table import PatchFeatures
 from mapq.kernels.boosted_trees import contributions
 from mapq.labels import LABEL_TOLERANCE, SUSPICIOUS
@@ -88,6 +88,10 @@ def _tree_blocks(columns: Columns, inputs: Inputs, model: Model) -> Iterator[_Bl
     """Yield what each column adds to the evidence of the trees; a column of a pair belongs to its other patch."""
     assert model.potential is not None
     added = contributions(model.potential.trees, columns.values)
+    # What trees start from where scans are known, and where they are not, is no reason for one of the patches.
+    if KNOWS_SCANS in columns.names:
+        added[:, -1] += added[:, columns.names.index(KNOWS_SCANS)]
+        added[:, columns.names.index(KNOWS_SCANS)] = 0.0
     by_trees = model.potential.base + added.sum(axis=1)
     whole = decided(columns, by_trees)
     # What a disagreement that is surely above the tolerance decides beyond the trees is its lower bound's.

@@ -11,6 +11,7 @@ scikit-learn grows them, this package evaluates them.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -26,9 +27,9 @@ from mapq.model import EVIDENCE, NOBODY, Columns, Potential
 OVER, ACROSS = "worst_overlap", "worst_crossing"
 SHARES = ("partly_covered", "unlike_height", "facing_away")
 """Of the pair with the largest weighted overlap, in times this, which they contain."""
-LEFT_OUT = ("tilt", *DISAGREEMENT)
+LEFT_OUT = ("tilt", *DISAGREEMENT, "shift_along", "shift_length")
 """Node features that trees do not see: of walls of other places something else would be learnt from their tilt, and
-what scans disagree by they see in tolerances."""
+what scans disagree by, and copies are off, they see in tolerances."""
 TOLERANCE, SURELY = "tolerance", "disagreement_beyond"
 """Metres, and by how many standard errors the measured disagreement is larger; at most `MOST_SURE`."""
 LOW_RATIO = "low_ratio"
@@ -36,8 +37,7 @@ IN_TOLERANCES = {
     "disagreement_ratio": "disagreement",
     LOW_RATIO: "disagreement_low",
     "high_ratio": "disagreement_high",
-    "copy_ratio": "copy_offset",
-    "shift_ratio": "shift_length",
+    "along_ratio": "shift_along",
 }
 """Columns in tolerances to those in metres."""
 OFFSET_RATIO = "over_offset_ratio"
@@ -55,8 +55,16 @@ RISING = {
 }
 """Columns of which a larger value makes an error only more likely, 1, or less, -1; the others may do either."""
 
-OF_SCANS = (SURELY, "disagreement_ratio", LOW_RATIO, "high_ratio", *NODE_COLUMNS["moments"], "over_facing_away")
+KNOWS_SCANS = "knows_scans"
+"""1 where the scans of a map are known, else nan."""
+OF_SCANS = (
+    *(KNOWS_SCANS, SURELY, "disagreement_ratio", LOW_RATIO, "high_ratio"),
+    *(*NODE_COLUMNS["moments"], "over_facing_away"),
+)
 """Columns that are not known where it is not known when and from where a map was seen."""
+OF_POINTS = (TOLERANCE, "along_ratio", "shift_support", "shift_others", "shift_clear", "shift_own")
+"""Columns that trees see of a map whose scans are not known, where there are other maps whose scans are: the shapes of
+patches and pairs say more of a training map, and less of one of another kind."""
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -116,7 +124,7 @@ def columns_of(features: PatchFeatures, tolerance: float = LABEL_TOLERANCE) -> C
         known = pair >= 0
         shown = {name: conflict}
         if name == OVER:
-            shown[OFFSET_RATIO], shown["over_angle"] = edge["offset"] / tolerance, edge["angle_deg"]
+            shown[OFFSET_RATIO] = edge["offset"] / tolerance
             for each in SHARES:
                 if each in features.context_names:
                     share = edge[each] / np.maximum(over, 1e-9)
@@ -137,6 +145,9 @@ def columns_of(features: PatchFeatures, tolerance: float = LABEL_TOLERANCE) -> C
 def in_tolerances(features: PatchFeatures, tolerance: float) -> dict[str, Floats]:
     """Return the columns (m,) of node features that depend on the tolerance in metres."""
     found = {TOLERANCE: np.full(len(features.node), tolerance)}
+    if "n_scans" in features.node_names:
+        is_known = np.isfinite(features.node[:, features.node_names.index("n_scans")]).any()
+        found[KNOWS_SCANS] = np.full(len(features.node), 1.0 if is_known else np.nan)
     for name, metres in IN_TOLERANCES.items():
         if metres in features.node_names:
             found[name] = features.node[:, features.node_names.index(metres)] / tolerance
@@ -168,15 +179,58 @@ SAME = 1e-9
 def grow(columns: Sequence[Columns], labels: Sequence[Floats], weights: Sequence[Floats]) -> Potential:
     """Return the trees that separate suspicious patches from plausible ones.
 
-    `columns`: one a map, of the same names. `labels`: +1 suspicious, -1 plausible, 0 without.
+    `columns`: one a map, of the same names. `labels`: +1 suspicious, -1 plausible, 0 without. Where scans of some maps
+    are known and of others not, each kind has trees of its own, behind a test of `KNOWS_SCANS`.
     """
+    names = columns[0].names
+    at = names.index(KNOWS_SCANS) if KNOWS_SCANS in names else None
+    knows = [at is not None and bool(np.isfinite(each.values[:, at]).any()) for each in columns]
+    found = []
+    for kind, used in ((True, names), (False, tuple(name for name in names if name in OF_POINTS))):
+        rows = [number for number, known in enumerate(knows) if known == kind]
+        mine = [labels[number] for number in rows]
+        if len(np.unique(np.sign(np.concatenate([*mine, [0.0]])))) < 3:  # no labels of both kinds
+            return _grown(columns, labels, weights, names)
+        found.append(_grown([columns[number] for number in rows], mine, [weights[number] for number in rows], used))
+    return behind_test(*found)
+
+
+def behind_test(seen: Potential, bare: Potential) -> Potential:
+    """Return trees that are those of `seen` where scans are known, and those of `bare` elsewhere.
+
+    Each begins with a test whose other side is a leaf of 0. Columns are those of `seen`.
+    """
+    test, roots = seen.names.index(KNOWS_SCANS), list[int]()
+    rows: list[tuple[float, ...]] = []
+    for potential, knows in ((bare, False), (seen, True)):
+        trees, at = potential.trees, [seen.names.index(name) for name in potential.names]
+        for begin, end in pairwise([*trees.root.tolist(), len(trees.column)]):
+            # What a tree starts from belongs to no column: its test has its value.
+            first, here, base = trees.value[begin], len(rows), potential.base if begin == 0 else 0.0
+            roots.append(here)
+            side = (here + 1, here + 2) if knows else (here + 2, here + 1)
+            rows += [(test, 0.0, *side, 1.0, first + base), (LEAF, 0.0, 0, 0, 0.0, 0.0)]
+            for node in range(begin, end):
+                is_leaf = trees.column[node] == LEAF
+                tested = LEAF if is_leaf else at[trees.column[node]]
+                ends = (0 if is_leaf else each[node] - begin + here + 2 for each in (trees.left, trees.right))
+                rows.append((tested, trees.threshold[node], *ends, trees.nan_left[node], trees.value[node] + base))
+    table = np.array(rows, np.float64).T
+    column, left, right = (table[place].astype(np.int64) for place in (0, 2, 3))
+    found = Trees(np.array(roots, np.int64), column, table[1].copy(), left, right, table[4] > 0.0, table[5].copy())
+    return Potential(seen.names, found, 0.0)
+
+
+def _grown(
+    columns: Sequence[Columns], labels: Sequence[Floats], weights: Sequence[Floats], names: tuple[str, ...]
+) -> Potential:
+    """Return trees of some of the columns."""
     # Heavy, and only training needs them.
     from sklearn.ensemble import HistGradientBoostingClassifier  # noqa: PLC0415
     from threadpoolctl import threadpool_limits  # noqa: PLC0415
 
-    names = columns[0].names
     known = [label != 0.0 for label in labels]
-    x = np.vstack([each.values[mask] for each, mask in zip(columns, known, strict=True)])
+    x = np.vstack([each.take(names).values[mask] for each, mask in zip(columns, known, strict=True)])
     y = np.concatenate([label[mask] > 0.0 for label, mask in zip(labels, known, strict=True)])
     # A column of which nothing is known cannot be binned; without a split it has no effect either.
     x[:, np.isnan(x).all(axis=0)] = 0.0

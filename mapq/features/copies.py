@@ -53,16 +53,11 @@ def nearby_points(patches: Patches, number: Ints, moment: Ints, to_sensor: Float
 
 
 COLUMNS = {
-    "copy_cover": 1,
-    "copy_even": 1,
-    "copy_density": 1,
-    "copy_offset": 0,
-    "copy_thin": 1,
-    "copy_outline": 1,
     "shift_support": 1,
-    "shift_here": 1,
     "shift_others": 1,
-    "shift_along": 0,
+    "shift_clear": 1,
+    "shift_own": 1,
+    "shift_along": 1,
     "shift_length": 0,
 }
 """Columns, and whether a larger value makes an error more likely."""
@@ -82,22 +77,18 @@ def copy_columns(nearby: Nearby, shapes: PatchShapes, settings: FeatureSettings)
 
     `nearby`: all finite points of the cloud.
 
-    Of the layer that is most like a copy of a patch, off it by two tolerances to 1.5 m: the share of the patch's cells
-    in which it has points (cover), that over the one of as many points strewn at random (even), log of its points per
-    point of the patch (density), its distance in metres (offset), how much denser it is than what lies a layer before
-    and behind it (thin), and than it is on the rim of the patch (outline), both from 0 to 1. `shift`: of the motion that moves patches about onto layers best, a horizontal
-    one of upright patches or a vertical one of level patches, the covered share (support), its length in metres, how far it moves along the normal of this very patch, in tolerances
-    (along), and support times that, at most 4, over 4 (here).
+    Of the motion that moves the patches about onto layers like copies best, a horizontal one of upright patches or a
+    vertical one of the others: the likeness of what it moves (support), that without this very patch (others), what it
+    has more than the median motion (clear), the likeness of this patch's own layer there (own), how far it moves along
+    the normal of the patch (along) and its length, metres.
     """
     step = 0.5 * shapes.tolerance(settings)
     half = int(np.ceil(FARTHEST / step))
     if not len(shapes.points) or half <= 2 * NEAREST + 2:
         return {name: np.full(len(shapes), np.nan) for name in COLUMNS}
     found = layers_over(nearby, shapes.sheets, shapes.planes, shapes.points, shapes.start, step, 2 * half)
-    thin, outline = thinness(found), outline_match(found)
-    likeness = found.cover * thin * (0.5 + 0.5 * outline)
-    columns = _second_layer(found, likeness, thin, outline, shapes.counts, step)
-    return columns | _shifts(likeness, shapes, step, *_about(shapes))
+    likeness = found.cover * thinness(found) * (0.5 + 0.5 * outline_match(found, shapes.counts))
+    return _shifts(likeness, shapes, step, *_about(shapes))
 
 
 def thinness(found: LayersOver) -> Floats:
@@ -107,36 +98,16 @@ def thinness(found: LayersOver) -> Floats:
     return np.clip(1.5 * found.count / np.maximum(around, 1.0) - 0.5, 0.0, 1.0)
 
 
-def outline_match(found: LayersOver) -> Floats:
-    """Return by how much layers (m, k) are denser over a patch than on its rim and in its holes: 1 not there, 0 alike.
+def outline_match(found: LayersOver, n_own: Ints) -> Floats:
+    """Return how well layers (m, k) end where a patch ends: 1 as well, 0 they go on over its rim and its holes.
 
-    A point more is put on the rim, so that few points show little.
+    Where the surface of the patch (of `n_own` points) goes on in other patches, so may its copy. A point more is put on
+    the rim, so that few points show little.
     """
-    over = found.count / np.maximum(found.n_cells, 1.0)[:, None]
-    beside = (found.rim + 1.0) / np.maximum(found.n_rim, 1.0)[:, None]
-    return np.clip(1.0 - beside / np.maximum(over, 1e-9), 0.0, 1.0)
-
-
-def _second_layer(
-    found: LayersOver, likeness: Floats, thin: Floats, outline: Floats, n_own: Ints, step: float
-) -> dict[str, Floats]:
-    """Return the measures of the layer that is most like each patch; of equal ones the one with most points."""
-    place = np.arange(likeness.shape[1]) - likeness.shape[1] // 2
-    # Of layers that are equal on both sides the nearer one, whichever side the normal points to.
-    worth = likeness + 1e-6 * np.log1p(found.count) - 1e-9 * np.abs(place)
-    best = np.where(np.abs(place) >= 2 * NEAREST, worth, -1.0).argmax(axis=1)
-    rows = np.arange(len(likeness))
-    share, points = found.cover[rows, best], found.count[rows, best]
-    with np.errstate(invalid="ignore"):
-        even = share / -np.expm1(-points / found.n_cells)
-    return {
-        "copy_cover": share,
-        "copy_even": np.where(points > 0, even, np.nan),
-        "copy_density": np.log((points + 1.0) / (n_own + 1.0)),
-        "copy_offset": np.where(points > 0, step * np.abs(place[best]), np.nan),
-        "copy_thin": thin[rows, best],
-        "copy_outline": outline[rows, best],
-    }
+    cells, rim = np.maximum(found.n_cells, 1.0)[:, None], np.maximum(found.n_rim, 1.0)[:, None]
+    own = found.rim[:, [found.rim.shape[1] // 2]] / rim / (np.maximum(n_own, 1)[:, None] / cells)
+    going_on = (found.rim + 1.0) / rim / np.maximum(found.count / cells, 1e-9)
+    return np.clip(1.0 - (going_on - own), 0.0, 1.0)
 
 
 def _about(shapes: PatchShapes) -> tuple[Ints, Ints]:
@@ -170,12 +141,13 @@ def _shifts(likeness: Floats, shapes: PatchShapes, step: float, begin: Ints, oth
     upwards = np.column_stack([np.ones(len(shapes)), np.zeros(len(shapes))])
     vertical = np.column_stack([rises, np.zeros(len(rises))])
     upwards = self_shifts(profile, step, vertical, upwards, np.where(upright, 0.0, size), *about)
-    support, length, along, others = np.where(upright[:, None], sideways, upwards).T
+    support, length, along, others, clear, own = np.where(upright[:, None], sideways, upwards).T
     return {
         "shift_support": support,
-        "shift_here": support * np.minimum(along / (2.0 * least), 1.0),
         "shift_others": others,
-        "shift_along": np.where(support > 0.0, 0.5 * along / step, np.nan),
+        "shift_clear": clear,
+        "shift_own": own,
+        "shift_along": np.where(support > 0.0, along, np.nan),
         "shift_length": np.where(support > 0.0, length, np.nan),
     }
 

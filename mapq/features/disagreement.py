@@ -177,7 +177,9 @@ def measure_disagreement(
     centres = window_centres(shapes.centre, shapes.size_rank) if centres is None else centres
     owner = cKDTree(centres).query(shapes.centre)[1]
     layers = find_layers(*about, STILL, np.ones(len(shapes), bool), FARTHEST)
-    windows = [match(shapes, layers, rows, window_of(layers, rows, centre)) for rows, centre in _inside(layers, centres)]
+    windows = [
+        match(shapes, layers, rows, window_of(layers, rows, centre)) for rows, centre in _inside(layers, centres)
+    ]
     # Level surfaces show how scans rise once these are where walls have them.
     layers = find_layers(*about, _motions(owner, windows), shapes.up_cosine >= SHOWS, FARTHEST)
     for place, (rows, _) in enumerate(_inside(layers, centres)):

@@ -40,7 +40,7 @@ UNITS = {
         "n_scans": "count",
         "seen_by_several": "1",
         **dict.fromkeys(COLUMNS, "1"),
-        "copy_offset": "m",
+        "shift_along": "m",
         "shift_length": "m",
         "partly_covered": "1",
         "unlike_height": "1",

@@ -138,18 +138,20 @@ def layers_over(
 def self_shifts(
     profile: Floats, step: float, motion: Floats, flat: Floats, weight: Floats, begin: Ints, other: Ints, least: float
 ) -> Floats:
-    """Return how well one motion explains the layers about each patch (m, 4).
+    """Return how well one motion explains the layers about each patch (m, 6).
 
-    Columns: support of the best motion, its length, and how far it moves along the patch's normal, in metres; and its
-    support by the other patches alone. All are nan where no patch about is a witness. Of the weight of what it moves along its normal, support is the covered share, with
-    `DOUBT` of all as what is moved and not covered: few patches that it moves are little evidence.
+    Columns: support of the best motion, its length, and how far it moves along the patch's normal, in metres; its
+    support by the other patches alone; by how much its support is above that of the median motion; and how much of a
+    copy this patch has where the motion puts it. All are nan where no patch about is a witness. Of the weight of what
+    a motion moves along its normal, support is the share that is a copy, with `DOUBT` of all as what is moved and no
+    copy: few patches that it moves are little evidence.
 
     `profile` (m, n): how much a patch has of a copy at each distance from its plane, a `step` apart from 0. `motion`
     (k, 2): along the normal of the patch in question, and across; the shortest first. `flat` (m, 2): normals in the
     plane of the motions. `weight` (m,): of patches as witnesses. Neighbours of patch i, itself
     among them, are ``other[begin[i]:begin[i + 1]]``. `least`: metres from which a motion parts a surface from its copy.
     """
-    out = np.full((len(weight), 4), np.nan)
+    out = np.full((len(weight), 6), np.nan)
     explained, moved = np.zeros(len(motion)), np.zeros(len(motion))
     for i in range(len(weight)):
         explained[:], moved[:], total = 0.0, 0.0, 0.0
@@ -176,7 +178,8 @@ def self_shifts(
         out[i, 1] = np.sqrt(motion[best, 0] ** 2 + motion[best, 1] ** 2)
         out[i, 2] = abs(motion[best, 0])
         own = weight[i] if out[i, 2] >= least else 0.0
-        mine = own * profile[i, min(int(out[i, 2] / step + 0.5), profile.shape[1] - 1)]
+        out[i, 5] = profile[i, min(int(out[i, 2] / step + 0.5), profile.shape[1] - 1)] if own > 0.0 else 0.0
         others = moved[best] - own + DOUBT * (total - weight[i])
-        out[i, 3] = (explained[best] - mine) / others if others > 0.0 else 0.0
+        out[i, 3] = (explained[best] - own * out[i, 5]) / others if others > 0.0 else 0.0
+        out[i, 4] = support[best] - np.median(support)
     return out

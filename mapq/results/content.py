@@ -69,7 +69,7 @@ def counts_of(result: Result) -> dict[str, Any]:
 
 def by_surface(result: Result) -> dict[str, dict[str, Any]]:
     """Return how many patches of each kind there are, their points and area, and how much of it is suspicious."""
-    found = {}
+    found: dict[str, dict[str, Any]] = {}
     for number, name in enumerate(SURFACES):
         mine = result.patches.kinds == number
         if mine.any():

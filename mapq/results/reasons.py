@@ -33,8 +33,7 @@ CONFLICTS = "sum_of_conflicts"
 GROUPS = {
     **dict.fromkeys((*DISAGREEMENT, "n_scans", "seen_by_several"), "disagreement"),
     **dict.fromkeys((SURELY, "disagreement_ratio", LOW_RATIO, "high_ratio"), "disagreement"),
-    **dict.fromkeys([name for name in COLUMNS if name.startswith("copy_")] + ["copy_ratio"], "copy_cover"),
-    **dict.fromkeys([name for name in COLUMNS if name.startswith("shift_")] + ["shift_ratio"], "shift_support"),
+    **dict.fromkeys((*COLUMNS, "along_ratio"), "shift_support"),
 }
 """Node features that are one reason, to the one it is named by."""
 AGREE = 0.05
@@ -141,12 +140,10 @@ def group_words(group: str, values: dict[str, float]) -> str:
             return f"{values['n_scans']:.0f} scans that see it agree within {AGREE} m"
         low, metres, high = (values[name] for name in ("disagreement_low", "disagreement", "disagreement_high"))
         return f"scans that see it disagree by {metres:.2f} m ({low:.2f} to {high:.2f})"
-    if group == "shift_support":
-        if not values["shift_support"] > 0.0:
-            return "no shift lays the surfaces around onto others"
-        far = f"{values['shift_length']:.2f} m"
-        return f"a shift by {far} lays {values['shift_support']:.0%} of the surfaces around onto others"
-    return f"a second layer covers {np.nan_to_num(values[group]):.0%} of it"
+    if not values["shift_support"] > 0.0:
+        return "no shift lays nearby surfaces onto others"
+    far, along, share = values["shift_length"], values["shift_along"], values["shift_support"]
+    return f"a shift by {far:.2f} m, {along:.2f} m along its normal, lays {share:.0%} of nearby surfaces onto others"
 
 
 def pair_words(values: dict[str, float], other: int) -> str:

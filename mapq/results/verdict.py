@@ -35,9 +35,7 @@ def verdict_of(
     is_good &= fail_apart is None or apart <= fail_apart
     return {
         "share_of_area": share,
-        "share_of_area_by_surface": {
-            name: each["share_of_area"] for name, each in result.counts["by_surface"].items()
-        },
+        "share_of_area_by_surface": {name: each["share_of_area"] for name, each in result.counts["by_surface"].items()},
         "coverage": coverage,
         "fail_over": fail_over,
         "min_coverage": min_coverage,

@@ -249,7 +249,9 @@ def warnings_of(chosen: Parameters, n_far: int, found: dict[str, Any]) -> list[s
     small = found["dropped_as_small"]["patches"]
     if found["patches"] == 0 and other:
         names = ",".join(other)
-        warnings.append(f"no patches: all {sum(other.values())} planes found are {names}. Judge them by --surfaces {names}.")
+        warnings.append(
+            f"no patches: all {sum(other.values())} planes found are {names}. Judge them by --surfaces {names}."
+        )
     elif found["patches"] == 0 and small:
         warnings.append(
             f"no patches: all {small} regions found are too small. Lower segment.min_points or segment.min_extent."

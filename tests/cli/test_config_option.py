@@ -165,7 +165,9 @@ def test_errors_are_one_line(tool, args, code, capsys):
 
 def test_segment_takes_options_over_the_file_over_the_preset(capsys, tmp_path, config_site):
     cloud, target = save_cloud(tmp_path), tmp_path / "m.patches"
-    used = call_json(capsys, "segment", cloud, "--config", config_site, "--surfaces", "upright", "-o", target)["parameters"]
+    used = call_json(capsys, "segment", cloud, "--config", config_site, "--surfaces", "upright", "-o", target)[
+        "parameters"
+    ]
     assert (used["noise"], used["min_points"], used["surfaces"]) == (0.03, 30, ["upright"])
     assert read_patches(str(target)).report["sources"] == {
         "noise": "preset velodyne-vlp16: [segment] noise",

@@ -44,7 +44,9 @@ def test_the_result_has_both_files_and_the_contract_s_fields(capsys, tmp_path, m
 
 def test_a_cloud_is_segmented_first(capsys, tmp_path):
     path, target = save_cloud(tmp_path), tmp_path / "r.ply"
-    result = call_json(capsys, "classify", path, "--model", save_model(tmp_path), "-o", target, "--surfaces", "upright,tilted")
+    result = call_json(
+        capsys, "classify", path, "--model", save_model(tmp_path), "-o", target, "--surfaces", "upright,tilted"
+    )
     assert result["counts"]["n_points"] == len(draw_patches(1).cloud)
     assert result["segmentation"]["parameters"]["surfaces"] == ["upright", "tilted"]
 

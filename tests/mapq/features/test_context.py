@@ -13,11 +13,11 @@ from mapq.cloud import PointCloud
 from mapq.configuration import CONTEXTS, FeatureSettings
 from mapq.features import measure_shapes, patch_features
 from mapq.features.context import EDGE_COLUMNS, NODE_COLUMNS
-from mapq.features.copies import COLUMNS, FARTHEST, copy_columns, nearby_points
+from mapq.features.copies import COLUMNS, FARTHEST, copy_columns, nearby_points, outline_match, thinness
 from mapq.features.disagreement import known_of, moments_of
 from mapq.features.pairs import EDGE_NAMES
 from mapq.features.shape import NODE_NAMES, PatchShapes
-from mapq.kernels.copies import layers_over
+from mapq.kernels.copies import RIM, layers_over
 from mapq.labels import NO_PATCH
 from mapq.patches import Patches
 from tests.mapq.factories import always_known, make_patches, moved, sample_patches, shuffled, turn, wall
@@ -139,35 +139,44 @@ def doubled(by: tuple[float, float]):
     return [*ROOM, *(wall(*(tuple(np.add(corner, by)) for corner in line)) for line in PLAN)]
 
 
+STEP = 0.025
+
+
+def layers_at(patches: Patches, off: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return cover, thinness and outline match (m,) of the layer so far off each patch, of either side the fuller."""
+    shapes, number = measure_shapes(patches), np.flatnonzero(patches.cloud.finite())
+    near = nearby_points(patches, number, np.zeros(len(number), np.int64), None)
+    n_slices = 2 * int(np.ceil(FARTHEST / STEP))
+    found = layers_over(near, shapes.sheets, shapes.planes, shapes.points, shapes.start, STEP, n_slices)
+    middle, away, rows = n_slices // 2 - 1, round(off / STEP), np.arange(len(shapes))
+    at = np.where(found.cover[:, middle + away] > found.cover[:, middle - away], middle + away, middle - away)
+    return found.cover[rows, at], thinness(found)[rows, at], outline_match(found, shapes.counts)[rows, at]
+
+
 class TestSecondLayer:
     @pytest.mark.parametrize("density", [15.0, 60.0, 400.0])
     @pytest.mark.parametrize("loose", [False, True])
-    def test_a_doubled_wall_is_covered_whether_its_copy_is_a_patch_or_not(self, density, loose):
+    def test_a_copy_covers_is_thin_and_ends_where_the_wall_ends(self, density, loose):
         patches = sample_patches([wall((0, 2), (10, 2)), wall((0, 2.4), (10, 2.4))], 1, density, NOISE)
-        found = columns(loosened(patches, 1) if loose else patches)
-        assert found["copy_cover"][0] > 0.8
-        assert found["copy_even"][0] == pytest.approx(1.0, abs=0.1)
-        # As dense as the wall, but for points over gaps of it.
-        assert found["copy_density"][0] == pytest.approx(np.log(found["copy_cover"][0]), abs=0.05)
+        cover, thin, outline = layers_at(loosened(patches, 1) if loose else patches, 0.4)
+        assert cover[0] > 0.75
+        assert thin[0] > 0.95
+        assert outline[0] > 0.6
 
-    def test_a_single_wall_has_none(self):
-        found = columns(sample_patches([wall((0, 2), (10, 2)), wall((5, -1), (5, 5))], 1, DENSITY, NOISE))
-        assert (found["copy_cover"] < 0.1).all()
-
-    def test_clutter_before_a_wall_covers_little_and_unevenly(self):
+    def test_clutter_is_not_thin(self):
         rng = np.random.default_rng(1)
-        bush = rng.uniform((2, 0.8, 0), (5, 1.3, 1.5), (3000, 3))
+        bush = rng.uniform((0, 2.2, 0), (10, 3.4, 3), (9000, 3))
         points = wall((0, 2), (10, 2)).sample(rng, DENSITY, NOISE)
-        found = columns(loosened(make_patches([points, bush], [(0, 1, 0)] * 2), 1))
-        assert found["copy_cover"][0] < 0.2
-        assert found["copy_even"][0] < 0.5
+        _, thin, _ = layers_at(loosened(make_patches([points, bush], [(0, 1, 0)] * 2), 1), 0.6)
+        assert thin[0] < 0.3
 
-    def test_two_faces_of_a_thin_wall_look_like_a_copy_but_the_rest_of_the_room_does_not_agree(self):
-        thin = [*ROOM, wall((0.1, 3.0), (7.9, 3.0)), wall((0.1, 3.2), (7.9, 3.2))]
-        one, all_ = (columns(sample_patches(walls, 1, DENSITY, NOISE)) for walls in (thin, doubled((0.4, 0.3))))
-        assert one["copy_cover"][4:].min() > 0.8
-        assert one["shift_here"].max() < 0.75 * all_["shift_here"].min()
-        assert one["near_cover"].max() < 0.6 * all_["near_cover"].min()
+    def test_a_wall_goes_on_behind_a_fence_and_a_copy_where_its_surface_does(self):
+        whole, fence = wall((0, 2), (10, 2)), wall((2, 2.4), (5, 2.4), 1.2)
+        _, _, outline = layers_at(sample_patches([whole, fence], 1, DENSITY, NOISE), 0.4)
+        assert outline[1] < 0.4, "on three of four sides"
+        pieces = [wall((x, y), (x + 3.3, y)) for y in (2.0, 2.4) for x in (0.0, 3.35, 6.7)]
+        _, _, outline = layers_at(sample_patches(pieces, 1, DENSITY, NOISE), 0.4)
+        assert outline.min() > 0.6
 
 
 class TestShift:
@@ -177,10 +186,25 @@ class TestShift:
             assert found["shift_length"] == pytest.approx(0.5, abs=0.1)
             assert (found["shift_support"] > 0.5).all()
 
-    def test_level_patches_do_not_constrain_horizontal_motions(self):
-        floor = np.random.default_rng(1).uniform((0, 0, 0), (8, 6, 0.01), (3000, 3))
-        found = columns(make_patches([floor], [(0, 0, 1)]))
-        assert all(np.isnan(found[name]).all() for name in COLUMNS if name.startswith("shift"))
+    def test_two_faces_of_a_thin_wall_are_no_motion_of_the_room(self):
+        thin = [*ROOM, wall((0.1, 3.0), (7.9, 3.0)), wall((0.1, 3.2), (7.9, 3.2))]
+        one, all_ = (columns(sample_patches(walls, 1, DENSITY, NOISE)) for walls in (thin, doubled((0.4, 0.3))))
+        assert one["shift_own"][4:].min() > 0.5
+        assert one["shift_others"][4:].max() < 0.5 * all_["shift_others"].min()
+        assert one["shift_clear"].max() < 0.75 * all_["shift_clear"].min()
+
+    @pytest.mark.parametrize("loose", [False, True])
+    def test_a_rise_explains_the_copies_of_floors_and_not_those_of_walls(self, loose):
+        rng = np.random.default_rng(1)
+        floors = [rng.uniform((x, 0, z), (x + 4, 6, z + 0.01), (2000, 3)) for z in (0.0, 0.6) for x in (0, 4)]
+        walls = [line.sample(rng, DENSITY, NOISE) for line in ROOM[:2]]
+        normals = [(0, 0, 1), (0, 0, 1), (0, 1, 0), (1, 0, 0), (0, 0, 1), (0, 0, 1)]
+        patches = make_patches([*floors[:2], *walls, *floors[2:]], normals)
+        found = columns(loosened(patches, 4) if loose else patches)
+        assert found["shift_length"][:2] == pytest.approx(0.6, abs=0.1)
+        assert found["shift_along"][:2] == pytest.approx(0.6, abs=0.1)
+        assert found["shift_own"][:2].min() > 0.6
+        assert found["shift_own"][2:4].max() < 0.2
 
 
 def test_no_patches_have_no_columns_and_coarse_noise_leaves_them_unknown():
@@ -213,7 +237,7 @@ def test_layers_agree_with_the_definition():
     step, n_slices = 0.05, 2 * 30
     number = np.arange(len(xyz))
     near = nearby_points(patches, number, np.zeros(len(xyz), np.int64), None)
-    cover, count, n_cells = layers_over(near, shapes.sheets, shapes.planes, shapes.points, shapes.start, step, n_slices)
+    found = layers_over(near, shapes.sheets, shapes.planes, shapes.points, shapes.start, step, n_slices)
     assert n_slices * step == pytest.approx(2 * FARTHEST)
     for i in range(len(patches)):
         away = xyz - shapes.centre[i]
@@ -225,12 +249,16 @@ def test_layers_agree_with_the_definition():
         cells = [tuple(cell) for cell in np.floor((plan - corner) / shapes.cell[i]).astype(int)]
         occupied = {cell for cell, mine in zip(cells, own, strict=True) if mine}
         place = np.floor(away @ shapes.normal[i] / step).astype(int) + n_slices // 2
-        assert n_cells[i] == len(occupied)
+        assert found.n_cells[i] == len(occupied)
+        reach = range(-RIM, RIM + 1)
+        rim = {(u + du, v + dv) for u, v in occupied for du in reach for dv in reach} - occupied
+        assert found.n_rim[i] == len(rim)
         for layer in range(n_slices - 1):
             inside = np.flatnonzero(~own & ((place == layer) | (place == layer + 1)))
             hit = [cells[k] for k in inside if cells[k] in occupied]
-            assert count[i, layer] == len(hit)
-            assert cover[i, layer] == pytest.approx(len(set(hit)) / len(occupied))
+            assert found.count[i, layer] == len(hit)
+            assert found.rim[i, layer] == sum(cells[k] in rim for k in inside)
+            assert found.cover[i, layer] == pytest.approx(len(set(hit)) / len(occupied))
 
 
 # Points sorted in their planes: their gaps against brute force, and the memory that their cells take.

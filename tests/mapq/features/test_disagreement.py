@@ -49,7 +49,7 @@ def scanned(shift=(0.0, 0.0), turned=0.0, n_scans=N_SCANS, faces=(), sensors=(BE
         for k in seen_by:
             seen = surface.sample(rng, DENSITY, NOISE)
             if k % 2:
-                seen = (seen - MIDDLE) @ turn(turned).T + MIDDLE + np.array([*shift, 0.0])
+                seen = (seen - MIDDLE) @ turn(turned).T + MIDDLE + np.array([*shift, 0.0])[:3]
             points.append((number, seen))
             scan.append(np.full(len(seen), k))
     of = [np.vstack([seen for number, seen in points if number == i]) for i in range(len(surfaces))]
@@ -91,6 +91,7 @@ def assert_bounds(found: Disagreement, truth) -> None:
 
 
 SHIFTS = [(0.1, 0.0), (0.3, 0.0), (0.8, 0.0), (0.0, -0.8), (0.1, 0.3), (0.3, -0.2), (-0.8, 0.3)]
+RISES = [(0.0, 0.0, 0.15), (0.0, 0.0, -0.6), (0.3, -0.2, 1.0), (0.8, 0.3, -0.2)]
 """Along the long walls, too: all but two walls agree then where they lie."""
 
 
@@ -105,10 +106,10 @@ def test_scans_of_a_right_map_agree(sensors):
 
 
 @pytest.mark.parametrize("sensors", [(BEFORE, BEFORE), ()])
-@pytest.mark.parametrize("shift", SHIFTS)
+@pytest.mark.parametrize("shift", SHIFTS + RISES)
 def test_half_of_the_scans_shifted_is_found_along_each_normal(shift, sensors):
     patches = scanned(shift, sensors=sensors)
-    truth = np.abs(patches.normal @ np.array([*shift, 0.0]))
+    truth = np.abs(patches.normal @ np.array([*shift, 0.0])[:3])
     found = measured(patches)
     assert_metres(found, truth)
     assert_bounds(found, truth)

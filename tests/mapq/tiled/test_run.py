@@ -136,7 +136,9 @@ def test_the_ground_spans_tiles_and_large_patches_are_thinned(town, model, monke
     found = []
     for most in (10**9, 20_000):
         monkeypatch.setattr("mapq.tiled.measure.LARGEST_PATCH", most)
-        settings = Configuration(tiles=TileSettings(tile_points=N_POINTS // 9), segment=SegmentSettings(surfaces=SURFACES))
+        settings = Configuration(
+            tiles=TileSettings(tile_points=N_POINTS // 9), segment=SegmentSettings(surfaces=SURFACES)
+        )
         with work_folder(str(town)) as folder:
             cut = cut_map(open_map(str(town), AS_IT_IS), settings, map, folder)
             found.append(assess_map(cut, settings, model, map))

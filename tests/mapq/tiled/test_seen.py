@@ -101,7 +101,7 @@ def test_tiles_have_the_features_of_the_map_in_memory(drive, model, missing):
     path = without(drive, missing) if missing else drive
     plain = assess(segment(read_cloud(path)), model)
     assert_alike(in_tiles(path, TILES, model), plain)
-    for name in ("copy_cover", *(() if "pass_id" in missing else ("disagreement",))):
+    for name in ("shift_support", *(() if "pass_id" in missing else ("disagreement",))):
         column = plain.features.node[:, plain.features.node_names.index(name)]
         assert np.count_nonzero(np.isfinite(column) & (column > 0.0)) > 10, name
 
