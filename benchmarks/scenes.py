@@ -129,11 +129,9 @@ def stairs() -> list[Callable[[Rng], Floats]]:
 
 
 def moved(x: float = 0.0, y: float = 0.0, z: float = 0.0, degrees: float = 0.0) -> Floats:
-    """Return a motion (4, 4): a turn about the vertical through (4, 3), then a shift."""
+    """Return a motion (4, 4): a turn about the vertical, then a shift."""
     c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
-    motion = np.array([[c, -s, 0, x], [s, c, 0, y], [0, 0, 1, z], [0, 0, 0, 1.0]])
-    motion[:2, 3] += np.array([4.0, 3.0]) - motion[:2, :2] @ (4.0, 3.0)
-    return motion
+    return np.array([[c, -s, 0, x], [s, c, 0, y], [0, 0, 1, z], [0, 0, 0, 1.0]])
 
 
 THIN = [wall(3, 2.0, 9, 2.0, 2.8), wall(3, 2.12, 9, 2.12, 2.8), wall(3, 2.0, 3, 2.12, 2.8)]
@@ -161,8 +159,8 @@ def cloud_of(scene: Scene, seed: int, thinned: int) -> tuple[PointCloud, Floats]
     points, apart = [], []
     for part in scene.parts:
         copies = [part(rng)] if scene.motion is None else [part(rng)[::2], part(rng)[::2]]
-        middle = copies[0].mean(axis=0)
-        normal = np.linalg.svd(copies[0] - middle, full_matrices=False)[2][2]
+        away = copies[0] - copies[0].mean(axis=0)
+        normal = np.linalg.eigh(away.T @ away)[1][:, 0]
         if scene.motion is not None:
             copies[1] = copies[1] @ scene.motion[:3, :3].T + scene.motion[:3, 3]
         for each in copies:

@@ -25,7 +25,7 @@ from mapq.crf.train import (
     require_labels,
     signs,
 )
-from mapq.crf.trees import add_evidence, columns_of, evidence_of, grow, without_scans
+from mapq.crf.trees import KNOWS_SCANS, add_evidence, columns_of, evidence_of, grow, without_scans
 from mapq.labels import SUSPICIOUS, UNLABELLED
 from mapq.model import NONE, Calibration, Columns, Model, Potential
 
@@ -104,6 +104,7 @@ def train(maps: Sequence[TrainingMap], settings: TrainSettings | None = None) ->
         columns = [columns_of(each.features, each.tolerance) for each in maps]
         maps, folds, potential = with_trees(maps, columns, folds, settings)
         importance = potential.importance(columns)
+        importance.pop(KNOWS_SCANS, None)
     prepared = prepare(maps, settings)
     labels = [training_map.label for training_map in maps]
     n_labelled = sum(int(np.count_nonzero(label != UNLABELLED)) for label in labels)

@@ -56,7 +56,7 @@ RISING = {
 """Columns of which a larger value makes an error only more likely, 1, or less, -1; the others may do either."""
 
 KNOWS_SCANS = "knows_scans"
-"""1 where the scans of a map are known, else nan."""
+"""1 where the scans of a map are known, else nan: which trees count, and no evidence."""
 OF_SCANS = (
     *(KNOWS_SCANS, SURELY, "disagreement_ratio", LOW_RATIO, "high_ratio"),
     *(*NODE_COLUMNS["moments"], "over_facing_away"),

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d
 from scipy.spatial import cKDTree
 
 from mapq.configuration import FeatureSettings
@@ -68,6 +69,8 @@ ABOUT = 8.0
 """Metres between the middles of patches that witness the same motion."""
 LATTICE = 0.1
 """Metres between the motions that are tried."""
+OWN = 0.1
+"""Likeness from which a layer shows by itself how far off the copy of a patch lies."""
 UPRIGHT = 0.5
 """|up . n| up to which patches witness horizontal motions; the others witness vertical ones."""
 
@@ -128,20 +131,21 @@ def _shifts(likeness: Floats, shapes: PatchShapes, step: float, begin: Ints, oth
     upright = shapes.up_cosine < UPRIGHT
     profile = np.maximum(likeness[:, middle:], likeness[:, middle::-1])
     profile[:, : int(2 * NEAREST)] = 0.0
-    wide = np.pad(profile, ((0, 0), (1, 1)))
-    profile = np.maximum(profile, np.maximum(wide[:, :-2], wide[:, 2:]))
+    near = max(1, int(np.ceil(0.5 * LATTICE / step)))
+    wide = maximum_filter1d(profile, 2 * near + 1, axis=1, mode="constant")
     east = horizontal_directions(shapes.up[None], np.eye(3)[[np.argmin(np.abs(shapes.up))]], shapes.up)[0]
     flat = np.column_stack([shapes.normal @ east, shapes.normal @ np.cross(shapes.up, east)])
     flat /= np.maximum(np.linalg.norm(flat, axis=1), 1e-12)[:, None]
     least, size = NEAREST * 2 * step, np.sqrt(shapes.area)
     rises = np.arange(least, FARTHEST, step)
     about = (begin, other, least)
-    sideways = self_shifts(profile, step, _motions(least), flat, np.where(upright, size, 0.0), *about)
+    sideways = self_shifts(wide, step, _motions(least), flat, np.where(upright, size, 0.0), *about)
     # Along the vertical all level patches face alike.
     upwards = np.column_stack([np.ones(len(shapes)), np.zeros(len(shapes))])
     vertical = np.column_stack([rises, np.zeros(len(rises))])
-    upwards = self_shifts(profile, step, vertical, upwards, np.where(upright, 0.0, size), *about)
+    upwards = self_shifts(wide, step, vertical, upwards, np.where(upright, 0.0, size), *about)
     support, length, along, others, clear, own = np.where(upright[:, None], sideways, upwards).T
+    along = _refined(along, profile, own, step, near)
     return {
         "shift_support": support,
         "shift_others": others,
@@ -150,6 +154,15 @@ def _shifts(likeness: Floats, shapes: PatchShapes, step: float, begin: Ints, oth
         "shift_along": np.where(support > 0.0, along, np.nan),
         "shift_length": np.where(support > 0.0, length, np.nan),
     }
+
+
+def _refined(along: Floats, profile: Floats, own: Floats, step: float, near: int) -> Floats:
+    """Return how far off copies lie (m,), by each patch's own layer about where the motion puts it, if it has one."""
+    place = np.nan_to_num(along / step + 0.5).astype(np.int64)[:, None] + np.arange(-near, near + 1)
+    place = np.clip(place, 0, profile.shape[1] - 1)
+    layer = np.take_along_axis(profile, place, axis=1)
+    middle = step * (layer * place).sum(axis=1) / np.maximum(layer.sum(axis=1), 1e-9)
+    return np.where(own > OWN, middle, along)
 
 
 def _motions(least: float) -> Floats:

@@ -96,7 +96,8 @@ def find_causes(
     scans, level = _ScanMotions.of(patches, visits, poses), patches.kinds == SURFACES.index("level")
     found = {}
     for patch in np.flatnonzero(suspicious).tolist():
-        spread, along = measure_spread(patches, patch, copies[patch], visits, reach[patch]), " in height" * level[patch]
+        spread = measure_spread(patches, patch, copies[patch], visits, reach[patch])
+        along = " in height" if level[patch] else ""
         if scans is None:
             found[patch] = cause_of(spread, visits, apart[patch], along)
         else:

@@ -8,9 +8,11 @@ import pytest
 from mapq.crf.trees import (
     DECISIVE,
     IN_TOLERANCES,
+    KNOWS_SCANS,
     LEFT_OUT,
     LOW_RATIO,
     MOST_SURE,
+    OF_POINTS,
     OF_SCANS,
     OFFSET_RATIO,
     SHARES,
@@ -26,6 +28,7 @@ from mapq.features.context import EDGE_COLUMNS, NODE_COLUMNS
 from mapq.features.pairs import EDGE_NAMES
 from mapq.features.shape import NODE_NAMES
 from mapq.features.table import PatchFeatures
+from mapq.kernels.boosted_trees import contributions
 from mapq.model import EVIDENCE, NOBODY, Columns
 from prf.shell.errors import InputError
 from tests.reference.mapq_crf import draw_pairs
@@ -60,6 +63,7 @@ def slow_columns(features: PatchFeatures, patch: int) -> dict[str, tuple[float, 
     values = dict(zip(NODE, features.node[patch].tolist(), strict=True))
     found = {name: (value, NOBODY) for name, value in values.items() if name not in LEFT_OUT}
     found |= {name: (values[metres] / T, NOBODY) for name, metres in IN_TOLERANCES.items()} | {TOLERANCE: (T, NOBODY)}
+    found[KNOWS_SCANS] = 1.0, NOBODY
     error = max((values["disagreement_high"] - values["disagreement_low"]) / 3.92, 1e-6)
     beyond = (values["disagreement"] - T) / error
     found[SURELY] = (min(max(beyond, -MOST_SURE), MOST_SURE), NOBODY)
@@ -135,7 +139,7 @@ def test_maps_without_pairs(n_patches, n_pairs):
 def test_without_scans_columns_are_as_a_map_of_points_alone_has_them():
     features = draw(3)
     columns = without_scans(columns_of(features))
-    in_tolerances = {SURELY, "disagreement_ratio", "low_ratio", "high_ratio"}
+    in_tolerances = {KNOWS_SCANS, SURELY, "disagreement_ratio", "low_ratio", "high_ratio"}
     rays = {f"over_{name}" for name in EDGE_COLUMNS["rays"]}
     assert set(OF_SCANS) == {*NODE_COLUMNS["moments"], *rays, *in_tolerances}
     plain = features._replace(node=features.node.copy(), edge=features.edge.copy())
@@ -144,6 +148,27 @@ def test_without_scans_columns_are_as_a_map_of_points_alone_has_them():
     expected = columns_of(plain)
     for place, name in enumerate(columns.names):
         np.testing.assert_array_equal(columns.values[:, place], expected.values[:, place], err_msg=name)
+
+
+def test_maps_of_points_alone_have_trees_of_their_own():
+    """Those of either kind add what they do by themselves, and a test adds nothing to what a column is a reason for."""
+    seen = [columns_of(draw(seed, 60, 120)) for seed in range(4)]
+    bare = [without_scans(each) for each in seen]
+    labels = [np.random.default_rng(seed).choice([-1.0, 0.0, 1.0], 60) for seed in range(8)]
+    weights = [np.ones(60)] * 8
+    both = grow([*seen, *bare], labels, weights)
+    names = tuple(name for name in seen[0].names if name in OF_POINTS)
+    alone = grow([each.take(names) for each in bare], labels[4:], weights[4:])
+    known = grow(seen, labels[:4], weights[:4])
+    for one, other in zip(seen, bare, strict=True):
+        np.testing.assert_allclose(both.log_odds(one), known.log_odds(one), atol=1e-9)
+        np.testing.assert_allclose(both.log_odds(other), alone.log_odds(other.take(names)), atol=1e-9)
+        added = contributions(both.trees, one.take(both.names).values)
+        apart = contributions(known.trees, one.values)
+        for name in set(known.names) - {KNOWS_SCANS}:
+            np.testing.assert_allclose(
+                added[:, both.names.index(name)], apart[:, known.names.index(name)], atol=1e-9, err_msg=name
+            )
 
 
 def test_evidence_is_one_more_node_feature():
