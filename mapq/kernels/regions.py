@@ -10,6 +10,23 @@ PLANE_BITS = 40
 """Of the number of a cell in a plane: 20 for its column, 20 for its row; the region's number is above them."""
 MIN_TOUCHING = 3
 """A point that no region holds joins one only beside so many of its members: a single one may be a stray itself."""
+MOST_STEPS = 4
+"""Points of others that a region walks over for each of its own: what lies farther off than that says little about it,
+and fragments of clutter would walk over whole streets."""
+
+
+@jit
+def number_along(region: Ints32, n_regions: int) -> None:
+    """Number regions anew by their first points: what lies together is then looked at together, in fast memory."""
+    number = np.full(n_regions, FREE, np.int32)
+    n_numbered = 0
+    for i in range(len(region)):
+        r = region[i]
+        if r != FREE:
+            if number[r] == FREE:
+                number[r] = n_numbered
+                n_numbered += 1
+            region[i] = number[r]
 
 
 @jit
@@ -57,6 +74,13 @@ def faces(normal: Floats32, i: int, plane: Floats, cos_angle: float) -> bool:
     """Return whether point i faces as a plane does; a point without a normal does."""
     cosine = abs(normal[i, 0] * plane[0] + normal[i, 1] * plane[1] + normal[i, 2] * plane[2])
     return not cosine < cos_angle
+
+
+@part
+def belongs(surface: Surface, i: int, plane: Floats, tolerance: Tolerance) -> bool:
+    """Return whether point i lies near enough to a plane and faces as it does."""
+    near = off_plane(surface.xyz, i, plane) <= tolerance.max_distance
+    return near and faces(surface.normal, i, plane, tolerance.cos_angle)
 
 
 @jit
@@ -151,55 +175,64 @@ def walk_regions(
     members: Ints32,
     start: Ints,
     piece: Ints32,
-    pairs: Ints32,
-) -> int:
+    wants_pairs: bool,
+) -> Ints32:
     """Walk over each region, and on over points of others that lie on its plane and face as it does.
 
     Two copies of a wall that cross share the points along the crossing; whoever does not own them is cut in two there,
     but walks across. Writes the `piece` that each point belongs to (connected under such walks, pieces numbered region
-    by region) and each pair (region, other region walked on). Returns how many pairs there are; more than fit are
-    counted but not written.
+    by region), and returns the pairs (p, 2) of a region and another that it walked on. A walk ends after `MOST_STEPS`;
+    without pairs, once it has found the whole region.
     """
-    (xyz, neighbours, normal), (cos_angle, max_distance) = surface, tolerance
     n_regions = len(start) - 1
-    queue = np.empty(len(xyz), np.int32)
-    stamp, met = np.empty(len(xyz), np.int32), np.empty(n_regions, np.int32)
-    stamp[:] = FREE
+    queue, pairs = np.empty(len(region), np.int32), np.empty((n_regions if wants_pairs else 0, 2), np.int32)
+    seen, met = np.empty(len(region), np.int32), np.empty(n_regions, np.int32)
+    seen[:] = FREE
     met[:] = FREE
     n_pieces, n_pairs = 0, 0
     for r in range(n_regions):
+        missing = start[r + 1] - start[r]
+        steps = MOST_STEPS * missing
         for first in members[start[r] : start[r + 1]]:
-            if piece[first] != FREE:
+            if seen[first] == r:
                 continue
+            seen[first] = r
             piece[first] = n_pieces
+            missing -= 1
+            # Points of the region from the front of the queue, and those of others, which wait, from its back.
             queue[0] = first
-            head, tail = 0, 1
-            while head < tail:
-                i = queue[head]
-                head += 1
-                for j in neighbours[i]:
+            head, tail, over, last = 0, 1, len(queue) - 1, len(queue) - 1
+            while head < tail or (over > last and steps > 0 and (wants_pairs or missing > 0)):
+                if head < tail:
+                    i = queue[head]
+                    head += 1
+                else:
+                    i = queue[over]
+                    over -= 1
+                    steps -= 1
+                for j in surface.neighbours[i]:
                     if j < 0:
                         break
+                    if seen[j] == r:
+                        continue
+                    seen[j] = r
                     other = region[j]
                     if other == r:
-                        if piece[j] != FREE:
-                            continue
                         piece[j] = n_pieces
-                    elif other == FREE or stamp[j] == n_pieces:
-                        continue
-                    elif off_plane(xyz, j, planes[r]) <= max_distance and faces(normal, j, planes[r], cos_angle):
-                        stamp[j] = n_pieces
-                        if met[other] != r:
+                        missing -= 1
+                        queue[tail] = j
+                        tail += 1
+                    elif other != FREE and belongs(surface, j, planes[r], tolerance):
+                        queue[last] = j
+                        last -= 1
+                        if wants_pairs and met[other] != r:
                             met[other] = r
-                            if n_pairs < len(pairs):
-                                pairs[n_pairs, 0], pairs[n_pairs, 1] = r, other
+                            if n_pairs == len(pairs):
+                                pairs = np.concatenate((pairs, np.empty_like(pairs)))
+                            pairs[n_pairs, 0], pairs[n_pairs, 1] = r, other
                             n_pairs += 1
-                    else:
-                        continue
-                    queue[tail] = j
-                    tail += 1
             n_pieces += 1
-    return n_pairs
+    return pairs[:n_pairs]
 
 
 @jit

@@ -16,6 +16,7 @@ from mapq.kernels.regions import (
     fit_regions,
     join_rest,
     list_members,
+    number_along,
     sum_regions,
     walk_regions,
 )
@@ -107,12 +108,12 @@ def find_regions(core: Core, chosen: Parameters) -> NDArray[np.int32]:
     region = drop_unsupported(core, settle(core, chosen, region))
     region = settle(core, chosen, region, sweeps=1)
     fits = fit(core.xyz, region)
-    piece, pairs = walk(core, chosen, region, fits.planes)
+    piece, pairs = walk(core, chosen, region, fits.planes, wants_pairs=True)
     parent = merge(fits, pairs, MERGE_RMS * chosen.max_distance)
     if (parent == np.arange(len(parent))).all():
         return piece
     region = settle(core, chosen, np.append(parent, np.int32(-1))[region], sweeps=1)
-    return walk(core, chosen, region, fit(core.xyz, region).planes)[0]
+    return walk(core, chosen, region, fit(core.xyz, region).planes, wants_pairs=False)[0]
 
 
 def grow(core: Core, chosen: Parameters) -> NDArray[np.int32]:
@@ -120,7 +121,8 @@ def grow(core: Core, chosen: Parameters) -> NDArray[np.int32]:
     region = np.full(len(core.xyz), -1, np.int32)
     seeds = np.flatnonzero(np.isfinite(core.normal[:, 0]))
     seeds = seeds[_flattest_first(core.variance[seeds])]
-    grow_regions(core.surface, seeds, _tolerance(chosen, 1.0), MIN_FRAGMENT, region)
+    n_regions = grow_regions(core.surface, seeds, _tolerance(chosen, 1.0), MIN_FRAGMENT, region)
+    number_along(region, n_regions)
     return region
 
 
@@ -184,19 +186,22 @@ def merge(fits: Fits, pairs: NDArray[np.int32], max_rms: float) -> NDArray[np.in
 
 
 def walk(
-    core: Core, chosen: Parameters, region: NDArray[np.int32], planes: NDArray[np.float64]
+    core: Core, chosen: Parameters, region: NDArray[np.int32], planes: NDArray[np.float64], wants_pairs: bool
 ) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """Return the connected piece (c,) of each point, and the pairs (p, 2) of regions that meet, each pair once."""
+    """Return the connected piece (c,) of each point and, if wanted, the pairs (p, 2) of regions that meet, each once."""
     members, start = np.empty(len(region), np.int32), np.empty(len(planes) + 1, np.int64)
     list_members(region, start, members)
-    capacity = 16 * len(planes) + 1024
-    while True:
-        piece = np.full(len(region), -1, np.int32)
-        pairs = np.empty((capacity, 2), np.int32)
-        n_pairs = walk_regions(core.surface, planes, _tolerance(chosen, LOOSE), region, members, start, piece, pairs)
-        if n_pairs <= capacity:
-            return piece, np.unique(np.sort(pairs[:n_pairs], axis=1), axis=0)
-        capacity = n_pairs
+    piece = np.full(len(region), -1, np.int32)
+    among = (region, members, start)
+    pairs = walk_regions(core.surface, planes, _tolerance(chosen, LOOSE), *among, piece, wants_pairs)
+    return piece, _distinct(pairs)
+
+
+def _distinct(pairs: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Return the distinct ones of pairs (p, 2) of numbers from 0, the smaller number of each first, ascending."""
+    low, high = pairs.min(axis=1).astype(np.int64), pairs.max(axis=1).astype(np.int64)
+    key = np.unique((low << 32) | high)
+    return np.column_stack([key >> 32, key & 0xFFFFFFFF]).astype(np.int32)
 
 
 def spread_out(points: Points, core: Core, chosen: Parameters, region: NDArray[np.int32]) -> NDArray[np.int32]:
