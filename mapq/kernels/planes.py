@@ -52,6 +52,25 @@ def add_moments(sums: Floats, x: float, y: float, z: float) -> None:
 
 
 @part
+def write_moments(
+    sums: Floats,
+    n: float,
+    x: float,
+    y: float,
+    z: float,
+    xx: float,
+    xy: float,
+    xz: float,
+    yy: float,
+    yz: float,
+    zz: float,
+) -> None:
+    """Write moments that were added up in registers."""
+    sums[0], sums[1], sums[2], sums[3] = n, x, y, z
+    sums[4], sums[5], sums[6], sums[7], sums[8], sums[9] = xx, xy, xz, yy, yz, zz
+
+
+@part
 def fit_plane(sums: Floats, plane: Floats, spread: Floats) -> None:
     """Write the plane (nx, ny, nz, d with n . p = d) of a set, and its variances in ascending order (biased).
 
@@ -68,9 +87,10 @@ def fit_plane(sums: Floats, plane: Floats, spread: Floats) -> None:
     p = np.sqrt((a * a + b * b + c * c + 2.0 * off) / 6.0)
     if p > 0.0:
         determinant = a * (b * c - yz * yz) - xy * (xy * c - yz * xz) + xz * (xy * yz - b * xz)
-        angle = np.arccos(min(max(0.5 * determinant / (p * p * p), -1.0), 1.0)) / 3.0
-        spread[2] = mean + 2.0 * p * np.cos(angle)
-        smallest = mean + 2.0 * p * np.cos(angle + 2.0 * np.pi / 3.0)
+        cosine = np.cos(np.arccos(min(max(0.5 * determinant / (p * p * p), -1.0), 1.0)) / 3.0)
+        spread[2] = mean + 2.0 * p * cosine
+        # The cosine of a third of a turn more; the sine of an angle up to a sixth of a turn is not negative.
+        smallest = mean - p * (cosine + np.sqrt(3.0 * max(1.0 - cosine * cosine, 0.0)))
     else:
         spread[2] = smallest = mean
     spread[1] = max(3.0 * mean - spread[2] - smallest, 0.0)
@@ -97,8 +117,10 @@ def normal_of(xx: float, xy: float, xz: float, yy: float, yz: float, zz: float, 
         squared = nx * nx + ny * ny + nz * nz
         if squared > best:
             best = squared
-            length = np.sqrt(squared)
-            plane[0], plane[1], plane[2] = nx / length, ny / length, nz / length
+            plane[0], plane[1], plane[2] = nx, ny, nz
+    if best > 0.0:
+        length = np.sqrt(best)
+        plane[0], plane[1], plane[2] = plane[0] / length, plane[1] / length, plane[2] / length
     if best <= NO_WIDTH * scale**4 and scale > 0.0:
         across_line(xx, xy, xz, yy, yz, zz, plane)
     largest = plane[0]
