@@ -1,7 +1,7 @@
 """Normals of points from their neighbours, and planes through points that not all of their neighbours lie on.
 
 Robust planes are for places beside a crossing, or between two copies of a wall. Candidates are the planes through the
-point and two of its neighbours, taken by a fixed pattern; the best is fitted again to the points that lie near it. No
+point and two of its neighbours, taken by a fixed pattern; the best is fitted once more to the points near it. No
 random numbers, so that a point's plane depends on nothing but its neighbours.
 """
 
@@ -310,7 +310,7 @@ def robust_normals(
             fewest = max(min_share * n_local, 4.0)
             score = try_turns(local, n_local, pairs, planes, fewest, band, fit.plane)
         n_near = 0
-        for _ in range(REFITS if score >= fewest else 0):
+        if score >= fewest:
             residuals(local, n_local, fit.plane, values)
             n_near = fit_within(local, values, n_local, band, fit)
         if n_near < fewest or abs(fit.plane[3]) > band:
