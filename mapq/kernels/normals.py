@@ -279,6 +279,7 @@ def try_turns(
 @jit
 def robust_normals(
     xyz: Floats,
+    points: Ints,
     thick: Bools,
     neighbours: Ints32,
     size: int,
@@ -288,7 +289,9 @@ def robust_normals(
     normal: Floats32,
     variance: Floats32,
 ) -> None:
-    """Write the normals (n, 3) of thick neighbourhoods anew, from those points that lie near one plane with the point.
+    """Write the normals (n, 3) of some points anew, from those points that lie near one plane with the point.
+
+    The neighbourhoods of all of them are thick; what is written for one depends on none of the others.
 
     A plane that half of the neighbours lie on is taken if one of them, whose own neighbourhood is not thick, faces so.
     Else the best candidate among the neighbours and, up to `size`, theirs has the most points within `band`, those
@@ -298,9 +301,7 @@ def robust_normals(
     local, values, wide = np.empty((3, size + 1)), np.empty(size + 1), np.empty(size, np.int32)
     stamp, pairs, planes = np.full(len(xyz), -1, np.int32), list_pairs(size, turns), np.empty((4, turns))
     fit = Fit(np.empty(MOMENTS), np.empty(4), np.empty(3))
-    for i in range(len(xyz)):
-        if not thick[i]:
-            continue
+    for i in points:
         n_local = local_points(xyz, i, neighbours[i], local)
         fewest = max(min_share * n_local, 4.0)
         score = try_clean(local, n_local, neighbours[i], thick, normal, band, fit.plane)

@@ -84,15 +84,16 @@ def belongs(surface: Surface, i: int, plane: Floats, tolerance: Tolerance) -> bo
 
 
 @jit
-def change_sides(surface: Surface, planes: Floats, tolerance: Tolerance, region: Ints32, out: Ints32) -> int:
-    """Give each point the nearest plane among the regions round it, its own included; return how many changed.
+def change_sides(
+    surface: Surface, planes: Floats, tolerance: Tolerance, region: Ints32, begin: int, out: Ints32
+) -> None:
+    """Give points from number `begin` on the nearest plane among the regions round them, their own included.
 
     Nearest among the planes near enough that it faces; none if there is no such plane. All look at the regions of
     before, so that the order of the points does not matter.
     """
     (xyz, neighbours, normal), (cos_angle, max_distance) = surface, tolerance
-    n_changed = 0
-    for i in range(len(xyz)):
+    for i in range(begin, begin + len(out)):
         own = region[i]
         best, nearest = FREE, np.inf
         if own != FREE:
@@ -112,9 +113,7 @@ def change_sides(surface: Surface, planes: Floats, tolerance: Tolerance, region:
                 continue
             if faces(normal, i, planes[r], cos_angle) and touching(neighbours[i], region, r):
                 best, nearest = r, distance
-        out[i] = best
-        n_changed += best != own
-    return n_changed
+        out[i - begin] = best
 
 
 @part

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
 import numpy as np
@@ -18,6 +21,8 @@ COUNTED_LEVEL = 8
 """Its cells are counted by a table of 16 MB; finer ones are foreseen from it, as on a surface: a quarter a level."""
 BEST_FILL = 8.0
 """Points a cell at which the search for neighbours is fastest; it costs a quarter more at worst."""
+PART = 1 << 18
+"""Points that a thread looks at in one go."""
 CROWDED = 0.2
 """Share of points that share a finest cell with another place, from which on cells are too coarse."""
 
@@ -180,8 +185,28 @@ def neighbours_of(
     before = np.zeros(len(xyz) + 1, np.int32)
     np.cumsum(wanted, out=before[1:])
     neighbours = np.empty((int(before[-1]), n_neighbours), np.int32)
-    find_neighbours(xyz, code, frame, before, max_gap, neighbours)
+
+    def search(begin: int, end: int) -> None:
+        rows = np.clip(before, begin, end)
+        rows -= begin
+        find_neighbours(xyz, code, frame, rows, max_gap, neighbours[begin:end])
+
+    in_parts(len(neighbours), search)
     return neighbours
+
+
+def in_parts(n: int, task: Callable[[int, int], None]) -> None:
+    """Call a task with the beginning and the end of each part of n rows, in as many threads as there are cores.
+
+    What becomes of a row must depend on no other part.
+    """
+    begins = range(0, n, PART)
+    if len(begins) == 1:
+        task(0, n)
+        return
+    with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
+        for _ in pool.map(task, begins, (min(begin + PART, n) for begin in begins)):
+            pass
 
 
 def pooled_noise(scale: NDArray[np.float64], residual: NDArray[np.float64]) -> float:

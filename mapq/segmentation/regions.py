@@ -21,7 +21,7 @@ from mapq.kernels.regions import (
     walk_regions,
 )
 from mapq.segmentation.parameters import Parameters, representatives
-from mapq.segmentation.points import TURNS, Points, neighbours_of
+from mapq.segmentation.points import TURNS, Points, in_parts, neighbours_of
 
 THICK = 1.5
 """Times the noise: a thicker neighbourhood holds more than one surface. One plane looks so in 1 place of 500."""
@@ -57,12 +57,21 @@ def make_core(points: Points, chosen: Parameters) -> Core:
     everyone = np.ones(len(xyz), bool)
     neighbours = neighbours_of(xyz, code, points.frame, everyone, chosen.neighbours, chosen.max_gap)
     normal, spread = np.empty((len(xyz), 3), np.float32), np.empty((len(xyz), 3), np.float32)
-    estimate_normals(xyz, np.arange(len(xyz)), neighbours, normal, spread)
+
+    def fit_all(begin: int, end: int) -> None:
+        rows = slice(begin, end)
+        estimate_normals(xyz, np.arange(begin, end), neighbours[rows], normal[rows], spread[rows])
+
+    in_parts(len(xyz), fit_all)
     thick = _is_thick(spread, chosen)
     variance = spread[:, 0].copy()
-    if thick.any():
-        band, size = BAND / 3.0 * chosen.max_distance, max(WIDE, 2 * chosen.neighbours)
-        robust_normals(xyz, thick, neighbours, size, TURNS, band, MIN_SHARE, normal, variance)
+    band, size = BAND / 3.0 * chosen.max_distance, max(WIDE, 2 * chosen.neighbours)
+
+    def fit_thick(begin: int, end: int) -> None:
+        points = begin + np.flatnonzero(thick[begin:end])
+        robust_normals(xyz, points, thick, neighbours, size, TURNS, band, MIN_SHARE, normal, variance)
+
+    in_parts(len(xyz), fit_thick)
     rough = variance > chosen.max_variation * (variance + spread[:, 1] + spread[:, 2])
     normal[rough] = np.nan
     return Core(xyz, place, neighbours, normal, variance, thick)
@@ -154,11 +163,21 @@ def fit_sums(origin: NDArray[np.float64], sums: NDArray[np.float64]) -> Fits:
 def settle(core: Core, chosen: Parameters, region: NDArray[np.int32], sweeps: int = SWEEPS) -> NDArray[np.int32]:
     """Return the regions after points have moved to the nearest plane around them, a few times over."""
     for _ in range(sweeps):
-        out, planes = np.empty_like(region), fit(core.xyz, region).planes
-        if not change_sides(core.surface, planes, _tolerance(chosen, LOOSE), region, out):
-            return out
-        region = out
+        before, region = region, _change(core, chosen, region)
+        if np.array_equal(region, before):
+            break
     return region
+
+
+def _change(core: Core, chosen: Parameters, region: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Return the regions after every point has moved once."""
+    planes, out = fit(core.xyz, region).planes, np.empty_like(region)
+
+    def change(begin: int, end: int) -> None:
+        change_sides(core.surface, planes, _tolerance(chosen, LOOSE), region, begin, out[begin:end])
+
+    in_parts(len(region), change)
+    return out
 
 
 def drop_unsupported(core: Core, region: NDArray[np.int32]) -> NDArray[np.int32]:
