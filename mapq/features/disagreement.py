@@ -23,7 +23,7 @@ from mapq.features.shape import PatchShapes
 from mapq.kernels.scan_layers import Motions, find_layers, find_sightings
 from mapq.kernels.scan_motions import fit_motions, match_scans
 from mapq.kernels.scan_views import find_views
-from mapq.kernels.voxels import Nearby
+from mapq.kernels.voxels import Nearby, voxel_keys
 from mapq.patches import Patches
 
 SCAN, TIME, PASS = "scan", "time", "pass_id"
@@ -138,6 +138,9 @@ WINDOW, OWNED = 20.0, 10.0
 """Metres: radius of the neighbourhoods in which scans are rigid, and of the part whose patches each one answers for."""
 MOST_SCANS = 32
 """Of those that see a patch in the median; of more, neighbours count as one."""
+MOST_IN_WINDOW = 256
+"""Of those that see anything in a cube as wide as a window; likewise. The motions of all are solved for together, and
+where so many see a place but few a patch, as of points a second apart, none can be compared."""
 NOISE_WIDTHS, THINNEST = 3.0, 0.03
 """Width of a layer in times the noise, and at least in metres."""
 PRIOR_SHIFT, PRIOR_TURN, PRIOR_TILT = 0.3, 0.03, 0.005
@@ -204,14 +207,24 @@ def measure_disagreement(
 
 
 def joined(patches: Patches, number: Ints, moments: Ints) -> Ints:
-    """Return the moments (n,) of points, neighbouring ones as one where a patch is seen at too many."""
+    """Return the moments (n,) of points, neighbouring ones as one where a patch or a window is seen at too many."""
     of_patch = np.flatnonzero(patches.patch[number] >= 0)
     if not len(of_patch):
         return moments
-    width = moments.max() + 1
-    key = patches.patch[number[of_patch]].astype(np.int64) * width + moments[of_patch]
-    seen = np.bincount(np.unique(key) // width)
-    return moments // np.int64(max(1, -(-int(np.median(seen[seen > 0])) // MOST_SCANS)))
+    some, number = moments[of_patch], number[of_patch]
+    usual = int(np.median(_moments_at(patches.patch[number].astype(np.int64), some)))
+    width = max(1, -(-usual // MOST_SCANS))
+    if some.max() // width > MOST_IN_WINDOW:
+        place = np.unique(voxel_keys(patches.cloud.xyz[number], 2.0 * WINDOW), return_inverse=True)[1]
+        width *= -(-int(_moments_at(place, some // width).max()) // MOST_IN_WINDOW)
+    return moments // np.int64(width)
+
+
+def _moments_at(place: Ints, moments: Ints) -> Ints:
+    """Return at how many moments each place was seen, of places with any: those of points (n,) are given."""
+    n_moments = moments.max() + 1
+    seen = np.bincount(np.unique(place * n_moments + moments) // n_moments)
+    return np.asarray(seen[seen > 0])
 
 
 def window_centres(middle: Floats, rank: Ints) -> Floats:

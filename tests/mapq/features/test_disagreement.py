@@ -12,6 +12,7 @@ from mapq.cloud import PointCloud
 from mapq.features import measure_shapes, patch_features
 from mapq.features.copies import nearby_points
 from mapq.features.disagreement import (
+    MOST_IN_WINDOW,
     Disagreement,
     joined,
     known_of,
@@ -165,6 +166,16 @@ def test_scans_times_and_passes_tell_alike():
         assert_metres(each, truth)
         assert_bounds(each, truth)
     assert [each.n_scans[0] for each in told] == [N_SCANS, pytest.approx(2 * N_SCANS, abs=1), 2]
+
+
+def test_points_seconds_apart_make_no_more_scans_than_can_be_solved_for():
+    patches = scanned()
+    time = 5.0 * np.random.default_rng(2).permutation(len(patches.cloud))
+    patches = with_moments(patches, time=time)
+    number = np.arange(len(time))
+    moments = moments_of(patches.cloud, number, known_of(patches.cloud))
+    assert moments.max() > 10 * MOST_IN_WINDOW
+    assert 0.5 * MOST_IN_WINDOW < joined(patches, number, moments).max() < 1.1 * MOST_IN_WINDOW
 
 
 @pytest.mark.parametrize("change", ["order", "shift", "far", "signs", "numbers"])
