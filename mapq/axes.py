@@ -129,11 +129,12 @@ def turn_cloud(cloud: PointCloud, quarter: int) -> PointCloud:
 
 
 def turn_patches(patches: Patches, quarter: int) -> Patches:
-    """Return patches turned by quarters: their points, normals and centroids; parameters stay as they are."""
+    """Return patches turned by quarters: their points, normals, centroids and axes; parameters stay as they are."""
     if quarter % 4 == 0:
         return patches
     normal, centroid = turn(patches.normal, quarter), turn(patches.centroid, quarter)
-    return replace(patches, cloud=turn_cloud(patches.cloud, quarter), normal=normal, centroid=centroid)
+    bend = None if patches.bend is None else turn(patches.bend, quarter)
+    return replace(patches, cloud=turn_cloud(patches.cloud, quarter), normal=normal, centroid=centroid, bend=bend)
 
 
 def corner_of(patches: Patches) -> Floats:

@@ -29,9 +29,10 @@ IN_MODELS = (
 """Feature settings in the order of model files."""
 
 Direction = tuple[float, float, float]
-SurfaceKind = Literal["upright", "level", "tilted"]
-SURFACES: tuple[SurfaceKind, ...] = ("upright", "level", "tilted")
-"""Planes within 30 degrees of vertical, within 30 of horizontal, and between (:func:`mapq.patches.surface_kinds`)."""
+SurfaceKind = Literal["upright", "level", "tilted", "curved"]
+SURFACES: tuple[SurfaceKind, ...] = ("upright", "level", "tilted", "curved")
+"""Planes within 30 degrees of vertical, within 30 of horizontal, and between (:func:`mapq.patches.surface_kinds`); and
+parts of cylinders."""
 Reading = Literal["safe", "literal"]
 Context = Literal["outlines", "moments", "rays", "copies"]
 CONTEXTS: tuple[Context, ...] = ("outlines", "moments", "rays", "copies")

@@ -38,11 +38,18 @@ STEEP, FLAT = np.sin(np.radians([30.0, 60.0]))
 """|up . normal| up to which a plane is upright, and from which it is level."""
 
 
-def surface_kinds(normal: NDArray[np.float64], up: ArrayLike) -> NDArray[np.uint8]:
-    """Return the place in `SURFACES` of the kind (m,) of planes with unit normals (m, 3); `up` (3,) of any length."""
+def surface_kinds(
+    normal: NDArray[np.float64], up: ArrayLike, bend: NDArray[np.float64] | None = None
+) -> NDArray[np.uint8]:
+    """Return the place in `SURFACES` of the kind (m,) of patches with unit normals (m, 3); `up` (3,) of any length.
+
+    `bend` (m, 3): as :class:`Patches` has it.
+    """
     direction = np.asarray(up, np.float64)
     lean = np.abs(normal @ (direction / np.linalg.norm(direction)))
     names = np.where(lean <= STEEP, "upright", np.where(lean >= FLAT, "level", "tilted"))
+    if bend is not None:
+        names = np.where(bend.any(axis=1), "curved", names)
     return np.array([SURFACES.index(name) for name in names.tolist()], np.uint8)
 
 
@@ -57,9 +64,11 @@ class Patches:
     patch : (n,) int32
         Patch of each point, `NO_PATCH` for none. Patches are numbered from 0, largest first.
     normal : (m, 3) float64
-        Unit normal of each patch's plane; its sign carries no meaning.
+        Unit normal of each patch's plane; its sign carries no meaning. Of a curved patch at its centroid,
+        away from its axis.
     centroid : (m, 3) float64
-        Mean of each patch's points, in the frame of ``cloud.xyz``.
+        Mean of each patch's points, in the frame of ``cloud.xyz``; of a curved patch a place of its surface in their
+        midst.
     label : (m,) uint8
         `PLAUSIBLE`, `SUSPICIOUS` or `UNLABELLED`.
     label_source : (m,) uint8
@@ -72,6 +81,9 @@ class Patches:
         Metres by which each patch is truly apart, nan where not known; None where no field said so.
     label_tolerance : float
         Metres: a label says whether a patch is farther apart than this.
+    bend : (m, 3) float64 or None
+        Axis of a curved patch (a part of a cylinder), as long as it is bent, in 1/m: one over its radius; 0 for planes.
+        None: all are planes.
     """
 
     cloud: PointCloud
@@ -84,6 +96,7 @@ class Patches:
     report: Mapping[str, Any] = field(default_factory=dict)
     apart: NDArray[np.float64] | None = None
     label_tolerance: float = LABEL_TOLERANCE
+    bend: NDArray[np.float64] | None = None
 
     @classmethod
     def unlabelled(
@@ -94,11 +107,12 @@ class Patches:
         centroid: NDArray[np.float64],
         parameters: Mapping[str, Any],
         report: Mapping[str, Any],
+        bend: NDArray[np.float64] | None = None,
     ) -> Patches:
         """Return patches as a segmentation leaves them."""
         n_patches = len(normal)
-        label = np.full(n_patches, UNLABELLED, np.uint8)
-        return cls(cloud, patch, normal, centroid, label, np.zeros(n_patches, np.uint8), parameters, report)
+        label, source = np.full(n_patches, UNLABELLED, np.uint8), np.zeros(n_patches, np.uint8)
+        return cls(cloud, patch, normal, centroid, label, source, parameters, report, bend=bend)
 
     def __len__(self) -> int:
         """Return the number of patches."""
@@ -124,7 +138,7 @@ class Patches:
     @cached_property
     def kinds(self) -> NDArray[np.uint8]:
         """Place (m,) of each patch's kind in :data:`mapq.configuration.SURFACES`."""
-        return surface_kinds(self.normal, self.parameters.get("up", (0.0, 0.0, 1.0)))
+        return surface_kinds(self.normal, self.parameters.get("up", (0.0, 0.0, 1.0)), self.bend)
 
     def label_at(self, tolerance: float) -> NDArray[np.uint8]:
         """Return the labels (m,) that are known at a tolerance in metres: suspicious is what is farther apart.

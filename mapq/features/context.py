@@ -114,8 +114,9 @@ def facing_away(shapes: PatchShapes, ordered: Ints, over: Floats, side: Floats) 
     one another is taken at the middle of the smaller one, the first of its pair (n, 2), which the larger one is over.
     """
     small, large = ordered.T
-    beyond = np.sign(np.einsum("ij,ij->i", shapes.normal[large], shapes.centre[small] - shapes.centre[large]))
-    turned = np.sign(np.einsum("ij,ij->i", shapes.normal[large], shapes.normal[small]))
+    normal = shapes.normals_at(large, shapes.centre[small])
+    beyond = np.sign(shapes.chart(large, shapes.centre[small])[2])
+    turned = np.sign(np.einsum("ij,ij->i", normal, shapes.normal[small]))
     outwards = np.stack([side[small] * turned * beyond, -side[large] * beyond])
     both = np.prod(0.5 * (1.0 + outwards), axis=0)
     return np.asarray(np.nan_to_num(over * (2.0 * both - 1.0)))
@@ -129,7 +130,7 @@ def seen_side(shapes: PatchShapes, to_sensor: Floats | None) -> Floats:
     if to_sensor is None:
         return np.full(len(shapes), np.nan)
     patch = np.repeat(np.arange(len(shapes)), shapes.counts)
-    height = np.einsum("ij,ij->i", to_sensor, shapes.normal[patch])
+    height = np.einsum("ij,ij->i", to_sensor, shapes.normals_at(patch, shapes.points))
     steep = np.abs(height) > GRAZING * np.linalg.norm(to_sensor, axis=1)
     sums, counts = (
         np.bincount(patch[steep], each, len(shapes)) for each in (np.sign(height[steep]), np.ones(steep.sum()))

@@ -128,7 +128,7 @@ def _about(shapes: PatchShapes) -> tuple[Ints, Ints]:
 def _shifts(likeness: Floats, shapes: PatchShapes, step: float, begin: Ints, other: Ints) -> dict[str, Floats]:
     """Return the columns of the motion that explains most of what lies over the patches about each."""
     middle = likeness.shape[1] // 2
-    upright = shapes.up_cosine < UPRIGHT
+    upright = (shapes.up_cosine < UPRIGHT) & (shapes.bend == 0.0)
     profile = np.maximum(likeness[:, middle:], likeness[:, middle::-1])
     profile[:, : int(2 * NEAREST)] = 0.0
     near = max(1, int(np.ceil(0.5 * LATTICE / step)))

@@ -18,7 +18,7 @@ from threadpoolctl import threadpool_limits
 from mapq.axes import TO_SENSOR as TO_SENSOR
 from mapq.cloud import PointCloud
 from mapq.features.copies import FARTHEST
-from mapq.features.scan_ranges import Disagreement, Window, jacobian_of, write_ranges
+from mapq.features.scan_ranges import Disagreement, Window, jacobian_of, normals_round, write_ranges
 from mapq.features.shape import PatchShapes
 from mapq.kernels.scan_layers import Motions, find_layers, find_sightings
 from mapq.kernels.scan_motions import fit_motions, match_scans
@@ -188,7 +188,7 @@ def measure_disagreement(
     for place, (rows, _) in enumerate(_inside(layers, centres)):
         windows[place] = match(shapes, layers, rows, windows[place], rises=True)
     del layers
-    width = max(NOISE_WIDTHS * noise, THINNEST)
+    width, round_about = max(NOISE_WIDTHS * noise, THINNEST), normals_round(shapes)
     for wider in ROUNDS:
         motions = _motions(owner, windows)
         sightings = find_sightings(*about, motions, wider * width)
@@ -202,7 +202,7 @@ def measure_disagreement(
             for place, (rows, _) in enumerate(_inside(sightings, centres)):
                 windows[place], covariance = fit(shapes, sightings, rows, windows[place], motions)
                 if is_last:
-                    write_ranges(found, shapes.normal, views[views_of[place]], windows[place], covariance)
+                    write_ranges(found, shapes.normal, round_about, views[views_of[place]], windows[place], covariance)
     return found
 
 
@@ -299,7 +299,7 @@ def fit(shapes: PatchShapes, sightings: Floats, rows: Ints, window: Window, moti
 
 def _along_normals(shapes: PatchShapes, rows: Floats, centre: Floats) -> Floats:
     """Return how motions about a centre displace layers or sightings (r) along their normals, (r, 6)."""
-    return jacobian_of(shapes.normal[rows[:, PATCH].astype(np.int64)], rows[:, PLACE], centre)
+    return jacobian_of(shapes.normals_at(rows[:, PATCH].astype(np.int64), rows[:, PLACE]), rows[:, PLACE], centre)
 
 
 def _moved_by(shapes: PatchShapes, some: Floats, motions: Motions) -> Floats:

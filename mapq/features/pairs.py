@@ -149,7 +149,7 @@ def smaller_first(shapes: PatchShapes, graph: PatchGraph) -> NDArray[np.int64]:
 
 
 def angles(shapes: PatchShapes, graph: PatchGraph) -> Floats:
-    """Return the acute angle (n,) of the planes of each pair, in degrees; exact for small ones too."""
-    one, other = shapes.normal[graph.pairs[:, 0]], shapes.normal[graph.pairs[:, 1]]
+    """Return the acute angle (n,) of each pair where they are closest, in degrees; exact for small ones too."""
+    one, other = (shapes.normals_at(patch, graph.middle) for patch in graph.pairs.T)
     sine = np.linalg.norm(np.cross(one, other), axis=1)
     return np.asarray(np.degrees(np.arctan2(sine, np.abs(np.einsum("ij,ij->i", one, other)))))

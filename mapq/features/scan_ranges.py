@@ -6,11 +6,13 @@ matter, a whole scan that lies apart does. What parts scans on patches beyond th
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mapq.features.shape import PatchShapes
 from mapq.kernels.scan_views import ENOUGH, ranges_of_patches
 
 SURE, UNSURE = 15.0, 6.0
@@ -27,6 +29,8 @@ ALIKE = 0.7
 """Offsets of scans are taken for noise within so many times what scans are bent."""
 IN_BOUNDS = 1.96
 """Standard errors of the bounds on either side."""
+N_ROUND = 7
+"""Normals round a curved patch along which scans are compared: 30 degrees apart, or less."""
 HALF_OF_SQUARES = 0.455
 """Median of the square of a unit normal."""
 PATCH, MOMENT, PLACE, HEIGHT, SCATTER, N_POINTS = 0, 1, slice(2, 5), 5, 6, 7
@@ -65,7 +69,27 @@ def jacobian_of(normal: Floats, place: Floats, centre: Floats) -> Floats:
     return np.hstack([normal, np.cross(place - centre, normal)])
 
 
-def write_ranges(found: Disagreement, normal: Floats, views: Floats, window: Window, covariance: Floats) -> None:
+def normals_round(shapes: PatchShapes) -> dict[int, Floats]:
+    """Return normals (k, 3) round each curved patch, by its number: of a whole cylinder, round half of it.
+
+    Scans that see opposite sides of a column lie apart along a normal that both share.
+    """
+    found = {}
+    for patch in np.flatnonzero(shapes.bend > 0.0).tolist():
+        half = min(0.5 * shapes.width[patch] * shapes.bend[patch], 0.5 * np.pi)
+        angle = np.linspace(-half, half, N_ROUND)[:, None]
+        found[patch] = np.cos(angle) * shapes.normal[patch] + np.sin(angle) * shapes.across[patch]
+    return found
+
+
+def write_ranges(
+    found: Disagreement,
+    normal: Floats,
+    round_about: Mapping[int, Floats],
+    views: Floats,
+    window: Window,
+    covariance: Floats,
+) -> None:
     """Write the disagreement of the patches that a window answers for.
 
     Parameters
@@ -74,6 +98,8 @@ def write_ranges(found: Disagreement, normal: Floats, views: Floats, window: Win
         Of all patches.
     normal : (m, 3) float64
         Of all patches.
+    round_about : mapping
+        Normals of curved patches, as :func:`normals_round` gives them: the largest range along these is theirs.
     views : (r, 8) float64
         Of those patches, as :func:`mapq.kernels.scan_views.find_views` gives them.
     window : Window
@@ -83,13 +109,17 @@ def write_ranges(found: Disagreement, normal: Floats, views: Floats, window: Win
     """
     number = views[:, PATCH].astype(np.int64)
     patch, first = np.unique(number, return_index=True)
-    scan = np.searchsorted(window.scans, views[:, MOMENT]).astype(np.int64)
-    jacobian, bent = jacobian_of(normal[number], views[:, PLACE], window.centre), bent_by(views)
-    motions = (np.ascontiguousarray(jacobian), window.motion, covariance)
-    n_points, least = np.ascontiguousarray(views[:, N_POINTS]), np.array([SURE, ENOUGH, UNSURE])
-    ranges = ranges_of_patches(
-        np.append(first, len(views)).astype(np.int64), scan, n_points, *motions, least, ALIKE * bent
-    )
+    first, bent = np.append(first, len(views)).astype(np.int64), bent_by(views)
+    ranges = _ranges_along(normal[number], views, first, window, covariance, bent)
+    for place in np.flatnonzero(np.isin(patch, list(round_about))).tolist():
+        own = views[first[place] : first[place + 1]]
+        several = np.concatenate(
+            [
+                _ranges_along(np.tile(each, (len(own), 1)), own, np.array([0, len(own)]), window, covariance, bent)
+                for each in round_about[int(patch[place])]
+            ]
+        )
+        ranges[place] = several[several[:, :, 0].argmax(axis=0), np.arange(several.shape[1])]
     apart, variance, n_scans = np.moveaxis(ranges, 2, 0)
     error = IN_BOUNDS * np.sqrt(variance + 2.0 * (FLOOR**2 + (OF_BENT * bent) ** 2))
     low, high = np.where(n_scans >= 2, apart - error, 0.0), apart + error
@@ -98,6 +128,17 @@ def write_ranges(found: Disagreement, normal: Floats, views: Floats, window: Win
     found.metres[patch[judged]] = apart[judged, 1]
     found.low[patch[judged]] = np.maximum(low[judged, :2].min(axis=1), 0.0)
     found.high[patch[judged]] = high[judged, 1:].max(axis=1)
+
+
+def _ranges_along(
+    normal: Floats, views: Floats, first: Ints, window: Window, covariance: Floats, bent: float
+) -> Floats:
+    """Return ranges of offsets along normals (r, 3) of views, as :func:`ranges_of_patches` does, for three `least`."""
+    scan = np.searchsorted(window.scans, views[:, MOMENT]).astype(np.int64)
+    jacobian = np.ascontiguousarray(jacobian_of(normal, views[:, PLACE], window.centre))
+    n_points, least = np.ascontiguousarray(views[:, N_POINTS]), np.array([SURE, ENOUGH, UNSURE])
+    motions = jacobian, window.motion, covariance
+    return np.asarray(ranges_of_patches(first, scan, n_points, *motions, least, ALIKE * bent))
 
 
 def bent_by(views: Floats) -> float:

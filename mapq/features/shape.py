@@ -41,17 +41,20 @@ class PatchShapes:
     points: Floats
     number: NDArray[np.int64]  # (k,) which point of the cloud each is
     start: NDArray[np.int64]  # (m + 1,) points of patch i are ``points[start[i]:start[i + 1]]``
-    normal: Floats  # (m, 3) unit normal as segmented
-    centre: Floats  # (m, 3) mean of the points
+    # (m, 3) unit normal as segmented; of a curved patch that at its centre, away from its axis
+    normal: Floats
+    centre: Floats  # (m, 3) mean of the points; of a curved patch the place of its surface that was segmented
     # (m,) mean squared distance from the plane of best fit, in m² (smallest eigenvalue of the biased covariance)
     mse: Floats
     thickness: Floats  # (m,) 95 % minus 5 % quantile of the signed distance from the plane, in metres
-    # (m, 3) unit vectors in the plane: horizontal and upwards; in level planes the longest direction and its normal
+    # (m, 3) unit vectors in the plane: horizontal and upwards; in level planes the longest direction and its normal; of
+    # a curved patch round its axis and along it
     across: Floats
     along: Floats  # (m, 3)
     width: Floats  # (m,) extent across and along, in metres
     height: Floats  # (m,)
     cell: Floats  # (m,) side of the smallest cells that leave no holes between points, in metres
+    bend: Floats  # (m,) 1/m, one over the radius of a curved patch, 0 for planes
     up: Floats  # (3,)
 
     def __len__(self) -> int:
@@ -101,7 +104,23 @@ class PatchShapes:
     @cached_property
     def planes(self) -> Planes:
         """What kernels need of the planes."""
-        return Planes(self.normal, self.centre, self.across, self.along, self.area)
+        return Planes(self.normal, self.centre, self.across, self.along, self.area, self.bend)
+
+    def chart(self, patch: NDArray[np.int64], places: Floats) -> tuple[Floats, Floats, Floats]:
+        """Return where places (k, 3) are in patches (k,), u, v and the height over these (k, each)."""
+        axes = self.across, self.along, self.normal
+        return charted(places - self.centre[patch], patch, axes, self.bend)
+
+    def normals_at(self, patch: NDArray[np.int64], places: Floats) -> Floats:
+        """Return the unit normals (k, 3) of patches (k,) below places (k, 3): of planes the same everywhere."""
+        normal = self.normal[patch]
+        curved = np.flatnonzero(self.bend[patch] > 0.0)
+        if len(curved):
+            of = patch[curved]
+            away = places[curved] - self.centre[of] + normal[curved] / self.bend[of, None]
+            away -= np.einsum("ij,ij->i", away, self.along[of])[:, None] * self.along[of]
+            normal[curved] = away / np.maximum(np.linalg.norm(away, axis=1), 1e-12)[:, None]
+        return normal
 
     @cached_property
     def sheets(self) -> Sheets:
@@ -127,28 +146,48 @@ def measure_shapes(patches: Patches, settings: FeatureSettings | None = None) ->
     number, patch, start = ordered_points(patches)
     points = np.ascontiguousarray(patches.cloud.xyz[number])
     normal = np.ascontiguousarray(patches.normal, dtype=np.float64).reshape(-1, 3)
+    axis = np.zeros_like(normal) if patches.bend is None else patches.bend
+    bend = np.linalg.norm(axis, axis=1)
+    curved = bend > 0.0
     centre = group_means(points, patch, len(normal))
+    centre[curved] = patches.centroid[curved]
     relative = points - centre[patch]
     values, vectors = np.linalg.eigh(covariances(relative, patch, len(normal)))
-    off_plane = np.einsum("ij,ij->i", relative, normal[patch])
-    thickness = quantiles(off_plane, start, 0.95) - quantiles(off_plane, start, 0.05)
     across = horizontal_directions(normal, vectors[:, :, 2], up)
+    across[curved] = np.cross(axis[curved] / bend[curved, None], normal[curved])
     along = np.cross(normal, across)
-    u = np.einsum("ij,ij->i", relative, across[patch])
-    v = np.einsum("ij,ij->i", relative, along[patch])
+    u, v, off = charted(relative, patch, (across, along, normal), bend)
+    thickness = quantiles(off, start, 0.95) - quantiles(off, start, 0.05)
     cell, extent = occupied_cells(u, v, start, SMALLEST_CELL, N_CELL_SIZES)
-    mse = np.maximum(values[:, 0], 0.0)
+    squares = np.bincount(patch, off * off, len(normal)) / np.maximum(np.diff(start), 1)
+    mse = np.where(curved, squares, np.maximum(values[:, 0], 0.0))
     width, height = np.ascontiguousarray(extent.T)
-    return PatchShapes(points, number, start, normal, centre, mse, thickness, across, along, width, height, cell, up)
+    return PatchShapes(
+        points, number, start, normal, centre, mse, thickness, across, along, width, height, cell, bend, up
+    )
+
+
+def charted(
+    relative: Floats, patch: NDArray[np.int64], axes: tuple[Floats, Floats, Floats], bend: Floats
+) -> tuple[Floats, Floats, Floats]:
+    """Return places u, v of points in their patches and heights over these (k, each), as the kernels' `chart` does.
+
+    `relative` (k, 3): to the centres of the patches. `axes`: across, along, and normal (m, 3 each). `bend` (m,).
+    """
+    u, v, height = (np.einsum("ij,ij->i", relative, axis[patch]) for axis in axes)
+    curved = np.flatnonzero(bend[patch] > 0.0)
+    radius = 1.0 / bend[patch[curved]]
+    above = height[curved] + radius
+    height[curved] = np.hypot(u[curved], above) - radius
+    u[curved] = radius * np.arctan2(u[curved], above)
+    return u, v, height
 
 
 def lay_out(shapes: PatchShapes) -> Sheets:
     """Return the points of each patch in its plane, sorted into cells, with the gaps between them."""
     n_points, n_patches = len(shapes.points), len(shapes)
     patch = np.repeat(np.arange(n_patches), shapes.counts)
-    relative = shapes.points - shapes.centre[patch]
-    u = np.einsum("ij,ij->i", relative, shapes.across[patch])
-    v = np.einsum("ij,ij->i", relative, shapes.along[patch])
+    u, v, _ = shapes.chart(patch, shapes.points)
     low, size = np.zeros((n_patches, 2)), np.zeros((n_patches, 2), np.int64)
     base = np.zeros(n_patches + 1, np.int64)
     count_sheet_cells(u, v, shapes.start, shapes.cell, low, size, base)

@@ -49,7 +49,7 @@ def write_patches(path: str | os.PathLike[str], patches: Patches) -> None:
         **{f"field_{number}": values for number, values in enumerate(cloud.fields.values())},
         **{name: getattr(patches, name) for name in ("patch", "normal", "centroid", "label", "label_source")},
         "label_tolerance": patches.label_tolerance,
-        **({} if patches.apart is None else {"apart": patches.apart}),
+        **{name: values for name in ("apart", "bend") if (values := getattr(patches, name)) is not None},
         "parameters": _text(patches.parameters),
         "report": _text(patches.report),
     }
@@ -96,6 +96,7 @@ def parse_stored(data: bytes, path: str | os.PathLike[str]) -> Patches:
             dict(json.loads(str(arrays["report"]))),
             take_array(file, arrays, "apart", np.float64, (len(normal),)) if "apart" in arrays else None,
             float(arrays.get("label_tolerance", LABEL_TOLERANCE)),
+            take_array(file, arrays, "bend", np.float64, (len(normal), 3)) if "bend" in arrays else None,
         )
     _check(file, patches)
     return patches

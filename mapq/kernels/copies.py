@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mapq.kernels._jit import Floats, Ints, jit, part
-from mapq.kernels.planes import Planes, dot_from
+from mapq.kernels.planes import Planes, chart
 from mapq.kernels.sheets import Sheets
 from mapq.kernels.voxels import EMPTY, Nearby, cell_over, voxels_about
 
@@ -64,11 +64,10 @@ def sort_over(
         for k in range(near.first[place], near.first[place + 1]):
             if near.patch[k] == i:
                 continue
-            slice_ = int(np.floor(dot_from(planes.normal[i], near.points[k], planes.centre[i]) / step)) + n_slices // 2
+            u, v, height = chart(planes, i, near.points[k])
+            slice_ = int(np.floor(height / step)) + n_slices // 2
             if slice_ < 0 or slice_ >= n_slices:
                 continue
-            u = dot_from(planes.across[i], near.points[k], planes.centre[i])
-            v = dot_from(planes.along[i], near.points[k], planes.centre[i])
             cell = cell_over(sheets, i, u, v)
             if cell != EMPTY:
                 found[2 * n], found[2 * n + 1] = slice_, cell

@@ -151,7 +151,7 @@ def crossings(trees: BoxTrees, planes: Planes, pairs: Ints, spacing: Floats, cel
     region that grows over its edge, explains. The point spacing is slack too. R is weighted by the share of the line
     along which both patches have points close to it on both sides at the same places: through an opening nothing
     crosses. That counts in full from 10 degrees on. `cell` (m,) is the side in metres of cells that leave no holes
-    between the points of each patch.
+    between the points of each patch. Curved patches have none.
     """
     out = np.zeros(len(pairs))
     longest = 0
@@ -161,7 +161,7 @@ def crossings(trees: BoxTrees, planes: Planes, pairs: Ints, spacing: Floats, cel
     for k in range(len(pairs)):
         cross(planes.normal[pairs[k, 0]], planes.normal[pairs[k, 1]], line)
         sine = np.sqrt(dot(line, line))
-        if sine > PARALLEL:
+        if sine > PARALLEL and planes.bend[pairs[k, 0]] == planes.bend[pairs[k, 1]] == 0.0:
             normalise(line)
             widest = max(cell[pairs[k, 0]], cell[pairs[k, 1]])
             cut = CutLine(pairs[k], line, sine, t, s)

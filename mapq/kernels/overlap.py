@@ -4,7 +4,7 @@ import numpy as np
 
 from mapq.kernels._jit import Floats, Ints, jit, part
 from mapq.kernels.order_statistics import quantile
-from mapq.kernels.planes import Planes, dot, dot_from
+from mapq.kernels.planes import Planes, chart, dot, facing
 from mapq.kernels.sheets import Sheets, side_of
 
 REACH = 2.0
@@ -65,9 +65,9 @@ def lay_over(
     n = 0
     for k in range(start[i], start[i + 1]):
         point = points[sheets.number[k]]
-        u, v = dot_from(planes.across[j], point, planes.centre[j]), dot_from(planes.along[j], point, planes.centre[j])
+        u, v, height = chart(planes, j, point)
         if is_covered(sheets, j, u, v):
-            offsets[n] = abs(dot_from(planes.normal[j], point, planes.centre[j]))
+            offsets[n] = abs(height)
             areas[n] = per_square * sheets.gap[k] * sheets.gap[k]
             n += 1
     return n
@@ -106,8 +106,9 @@ def overlaps(
     """Overlap A, covered area and offset (n, 3) of each pair of patches.
 
     A (equation 11): the larger of the areas of either that the other covers, over the smaller of their areas; nought
-    from 45 degrees on, falling with cos(2 angle) up to there. The offset is the median over the covered points of the
-    one with more covered area; without any, the distance of the closest points' middle to the farther plane.
+    from 45 degrees on, falling with cos(2 angle) up to there; of curved patches, the angle at the `middle` (n, 3) of
+    their closest points. The offset is the median over the covered points of the one with more covered area; without
+    any, the distance of that middle to the farther plane.
     """
     out = np.zeros((len(pairs), 3))
     longest = 0
@@ -117,12 +118,10 @@ def overlaps(
     for p in range(len(pairs)):
         i, j = pairs[p, 0], pairs[p, 1]
         for side in range(2):
-            out[p, 2] = max(
-                out[p, 2], abs(dot_from(planes.normal[pairs[p, side]], middle[p], planes.centre[pairs[p, side]]))
-            )
-        cosine = dot(planes.normal[i], planes.normal[j])
-        facing = 2.0 * cosine * cosine - 1.0
-        if facing <= 0.0:
+            out[p, 2] = max(out[p, 2], abs(chart(planes, pairs[p, side], middle[p])[2]))
+        cosine = dot(facing(planes, i, middle[p]), facing(planes, j, middle[p]))
+        alike = 2.0 * cosine * cosine - 1.0
+        if alike <= 0.0:
             continue
         smaller = min(planes.area[i], planes.area[j])
         for side in range(2):
@@ -133,7 +132,7 @@ def overlaps(
             covered = 0.0
             for k in range(n):
                 covered += areas[k]
-            out[p, 0] = max(out[p, 0], min(1.0, facing * counted / smaller))
+            out[p, 0] = max(out[p, 0], min(1.0, alike * counted / smaller))
             if covered > out[p, 1]:
                 out[p, 1] = covered
                 out[p, 2] = quantile(offsets, n, 0.5)

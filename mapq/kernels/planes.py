@@ -1,6 +1,6 @@
 """Planes of sets of points by their moments, and planes of patches with the vectors that kernels need."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -152,17 +152,21 @@ def across_line(xx: float, xy: float, xz: float, yy: float, yz: float, zz: float
 
 
 class Planes(NamedTuple):
-    """The plane of each patch: unit normal, a point of it, two unit vectors in it (m, 3 each); its area (m,)."""
+    """The plane of each patch: unit normal, a point of it, two unit vectors in it (m, 3 each); its area (m,).
+
+    A curved patch is a cylinder about an axis along `along`, that lies one over `bend` (m,) metres below the plane.
+    """
 
     normal: Floats
     centre: Floats
     across: Floats
     along: Floats
     area: Floats
+    bend: Floats  # 1/m, 0 for planes
 
 
 @part
-def dot(a: Floats, b: Floats) -> float:
+def dot(a: Any, b: Any) -> float:
     """Scalar product."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
@@ -171,6 +175,37 @@ def dot(a: Floats, b: Floats) -> float:
 def dot_from(a: Floats, point: Floats, origin: Floats) -> float:
     """Scalar product of a and the ray from `origin` to `point`."""
     return a[0] * (point[0] - origin[0]) + a[1] * (point[1] - origin[1]) + a[2] * (point[2] - origin[2])
+
+
+@part
+def chart(planes: Planes, i: int, point: Floats) -> tuple[float, float, float]:
+    """Place of a point in patch i, across and along it, and its height over it; of a curved one across is round it."""
+    u, v = dot_from(planes.across[i], point, planes.centre[i]), dot_from(planes.along[i], point, planes.centre[i])
+    height = dot_from(planes.normal[i], point, planes.centre[i])
+    if planes.bend[i] > 0.0:
+        radius = 1.0 / planes.bend[i]
+        above = height + radius
+        return radius * np.arctan2(u, above), v, np.sqrt(u * u + above * above) - radius
+    return u, v, height
+
+
+@part
+def facing(planes: Planes, i: int, point: Floats) -> tuple[float, float, float]:
+    """Unit normal of patch i below a point: that of its plane, or what leads away from its axis."""
+    normal = planes.normal[i]
+    if planes.bend[i] > 0.0:
+        across = planes.across[i]
+        u = dot_from(across, point, planes.centre[i])
+        above = dot_from(normal, point, planes.centre[i]) + 1.0 / planes.bend[i]
+        length = np.sqrt(u * u + above * above)
+        if length > 0.0:
+            u, above = u / length, above / length
+            return (
+                u * across[0] + above * normal[0],
+                u * across[1] + above * normal[1],
+                u * across[2] + above * normal[2],
+            )
+    return normal[0], normal[1], normal[2]
 
 
 @part

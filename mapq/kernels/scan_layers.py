@@ -10,7 +10,7 @@ import numpy as np
 
 from mapq.kernels._jit import Bools, Floats, Ints, jit, part
 from mapq.kernels.order_statistics import quantile
-from mapq.kernels.planes import Planes, dot, dot_from
+from mapq.kernels.planes import Planes, chart, dot, facing
 from mapq.kernels.sheets import Sheets, first_corner
 from mapq.kernels.voxels import EMPTY, Nearby, cell_over, voxels_about
 
@@ -85,7 +85,7 @@ def own_frame(
         for k in range(nearby.first[place], nearby.first[place + 1]):
             if nearby.patch[k] != i:
                 continue
-            side += np.sign(dot(planes.normal[i], nearby.to_sensor[k]))
+            side += np.sign(dot(facing(planes, i, nearby.points[k]), nearby.to_sensor[k]))
             which = over.entry[nearby.moment[k]]
             if which >= 0:
                 displacement(motions, which, motions.owner[i], nearby.points[k], moved)
@@ -121,19 +121,17 @@ def points_over(
     for place in over.places[:n_places]:
         for k in range(nearby.first[place], nearby.first[place + 1]):
             which = over.entry[nearby.moment[k]]
-            if which == EMPTY or abs(dot_from(planes.normal[i], nearby.points[k], planes.centre[i])) > farthest:
+            if which == EMPTY or abs(chart(planes, i, nearby.points[k])[2]) > farthest:
                 continue
-            if dot(planes.normal[i], nearby.to_sensor[k]) * side < 0.0:
+            if dot(facing(planes, i, nearby.points[k]), nearby.to_sensor[k]) * side < 0.0:
                 continue
             at[:] = nearby.points[k]
             if which >= 0:
                 displacement(motions, which, motions.owner[i], nearby.points[k], moved)
                 at += mean - moved
-            height = dot_from(planes.normal[i], at, planes.centre[i])
+            u, v, height = chart(planes, i, at)
             if abs(height) > reach:
                 continue
-            u = dot_from(planes.across[i], at, planes.centre[i])
-            v = dot_from(planes.along[i], at, planes.centre[i])
             if nearby.patch[k] == i or cell_over(sheets, i, u, v) != EMPTY:
                 over.rows[n], over.spot[n, 0], over.spot[n, 1], over.spot[n, 2] = k, u, v, height
                 n += 1
@@ -239,9 +237,10 @@ def find_layers(
             row[:] = 0.0
             while end < n and over.key[order[end]] == key:
                 k = order[end]
-                heights[end - begin] = over.spot[k, 2]
+                point = nearby.points[over.rows[k]]
+                normal, heights[end - begin] = facing(planes, i, point), over.spot[k, 2]
                 for axis in range(3):
-                    row[3 + axis] += nearby.points[over.rows[k], axis] - over.spot[k, 2] * planes.normal[i, axis]
+                    row[3 + axis] += point[axis] - over.spot[k, 2] * normal[axis]
                 end += 1
             if end - begin >= FEWEST:
                 row[0], row[1], row[2] = i, key // SCANS, key % SCANS

@@ -7,7 +7,7 @@ import numpy as np
 
 from mapq.kernels._jit import Bools, Floats, Ints, jit, part
 from mapq.kernels.order_statistics import quantile
-from mapq.kernels.planes import Planes, dot
+from mapq.kernels.planes import Planes, dot, facing
 from mapq.kernels.scan_layers import (
     FARTHEST_SEEN,
     FEWEST,
@@ -66,8 +66,8 @@ def add_views(nearby: Nearby, planes: Planes, over: Over, i: int, n: int, near: 
     """
     for k in range(n):
         row, off = over.rows[k], over.spot[k, 2]
-        of = nearby.patch[row]
-        if of >= 0 and abs(dot(planes.normal[i], planes.normal[of])) < ACROSS:
+        of, point = nearby.patch[row], nearby.points[row]
+        if of >= 0 and abs(dot(facing(planes, i, point), facing(planes, of, point))) < ACROSS:
             over.spot[k, 2] = np.inf
         elif abs(off) <= near:
             seen = sums[nearby.moment[row]]
