@@ -19,6 +19,7 @@ from mapq.configuration import SURFACES, SegmentSettings
 from mapq.kernels.planes import MOMENTS
 from mapq.kernels.regions import PLANE_BITS, number_plane_cells, sum_regions
 from mapq.patches import Patches, surface_kinds
+from mapq.segmentation.curved import BEND, MSE, PLACE, find_cylinders, spread_cylinders
 from mapq.segmentation.parameters import Parameters, choose_parameters
 from mapq.segmentation.points import Points, sort_points
 from mapq.segmentation.regions import MERGE_RMS, Core, Fits, find_regions, fit_sums, make_core, merge, spread_out
@@ -62,9 +63,9 @@ def segment(
     _refuse_lines(points, cloud)
     _report(progress, 1)
     chosen = choose_parameters(points, settings, quarter)
-    region, core = cut_points(points, chosen, lambda stage: _report(progress, stage))
+    region, curved, core = cut_points(points, chosen, lambda stage: _report(progress, stage))
     _report(progress, 4)
-    regions = describe_regions(points, region, points.multiplicity(), chosen)
+    regions = describe_regions(points, region, points.multiplicity(), curved, chosen)
     found = join_regions([regions], np.zeros((0, 2), np.int64), chosen)
     report = {
         "points": len(cloud),
@@ -76,18 +77,26 @@ def segment(
         "warnings": warnings_of(chosen, points.n_far, found.report),
     }
     patch = np.where(points.number >= 0, found.number[0][region][points.number], -1).astype(np.int32)
-    normal, centroid = (turn(each, -quarter) for each in (found.normal, found.centroid))
-    return Patches.unlabelled(cloud, patch, normal, centroid, chosen.described(quarter), report)
+    normal, centroid, bend = (turn(each, -quarter) for each in (found.normal, found.centroid, found.bend))
+    return Patches.unlabelled(cloud, patch, normal, centroid, chosen.described(quarter), report, bend)
 
 
 def cut_points(
     points: Points, chosen: Parameters, report: Callable[[int], None] = lambda _: None
-) -> tuple[NDArray[np.int32], Core]:
-    """Return the region (u,) of distinct points, -1 for none, and those that were looked at first."""
+) -> tuple[NDArray[np.int32], Floats, Core]:
+    """Return the region (u,) of distinct points, -1 for none, how regions curve, and what was looked at first.
+
+    How they curve is (r, 10), as :func:`spread_cylinders` returns it.
+    """
     report(2)
     core = make_core(points, chosen)
     report(3)
-    return spread_out(points, core, chosen, find_regions(core, chosen)), core
+    region = find_regions(core, chosen)
+    if "curved" not in chosen.surfaces:
+        return spread_out(points, core, chosen, region), np.zeros((int(region.max(initial=-1)) + 1, 10)), core
+    of, cylinders = find_cylinders(core, chosen, region)
+    flat = np.where(of > region.max(initial=-1), np.int32(-1), of)
+    return (*spread_cylinders(points, chosen, of, spread_out(points, core, chosen, flat), cylinders), core)
 
 
 def _report(progress: Report | None, done: int) -> None:
@@ -123,6 +132,7 @@ class Regions(NamedTuple):
     n_points: Ints  # (r,) repeated points included
     first: NDArray[np.uint64]  # (r,) smallest Morton code of the points
     area: Floats  # (r,) m²
+    curved: Floats  # (r, 10) surfaces of curved ones, 0 for planes (:func:`mapq.segmentation.curved.spread_cylinders`)
 
 
 class Joined(NamedTuple):
@@ -133,18 +143,21 @@ class Joined(NamedTuple):
     number: list[NDArray[np.int32]]
     normal: Floats  # (m, 3)
     centroid: Floats  # (m, 3)
+    bend: Floats  # (m, 3) as :class:`mapq.patches.Patches` has it
     mse: Floats  # (m,) mean squared distance from the plane, m²
     n_points: Ints  # (m,)
     report: dict[str, Any]  # the report's part on patches and on what was dropped
 
 
-def describe_regions(points: Points, region: NDArray[np.int32], copies: Ints, chosen: Parameters) -> Regions:
-    """Return the moments, counts and areas of regions.
+def describe_regions(
+    points: Points, region: NDArray[np.int32], copies: Ints, curved: Floats, chosen: Parameters
+) -> Regions:
+    """Return the moments, counts and areas of regions, whose surfaces `curved` (r, 10) has.
 
     `region` (u,): of each distinct point. `copies` (u,): points of the tile at each distinct place; places with none
     count for other tiles.
     """
-    n_regions = int(region.max(initial=-1)) + 1
+    n_regions = len(curved)
     own = region if copies.all() else np.where(copies > 0, region, np.int32(-1))
     origin, sums = np.zeros((n_regions, 3)), np.empty((n_regions, MOMENTS))
     sum_regions(points.xyz, own, origin, sums)
@@ -154,25 +167,31 @@ def describe_regions(points: Points, region: NDArray[np.int32], copies: Ints, ch
     first[own[members[::-1]]] = points.code[members[::-1]]
     planes = fit_sums(origin, sums).planes
     area = region_areas(points.xyz, own, planes, CELL_IN_SPACING * chosen.spacing)
-    return Regions(origin, sums, n_points, first, area)
+    return Regions(origin, sums, n_points, first, area, curved)
 
 
 def join_regions(tiles: Sequence[Regions], pairs: Ints, chosen: Parameters) -> Joined:
     """Return the patches of all tiles.
 
     `pairs` (k, 2): regions, numbered over all tiles, that share points across a border: they are united where one plane
-    fits both.
+    fits both. Curved ones are one surface, that of the first.
     """
-    origin, sums, n_points, first, area = (np.concatenate(values) for values in zip(*tiles, strict=True))
-    parent = merge(fit_sums(origin, sums), np.ascontiguousarray(pairs, np.int32), MERGE_RMS * chosen.max_distance)
+    origin, sums, n_points, first, area, curved = (np.concatenate(values) for values in zip(*tiles, strict=True))
+    is_curved = np.asarray(curved[:, BEND].any(axis=1))
+    flat = np.ascontiguousarray(pairs[~is_curved[pairs].any(axis=1)], np.int32)
+    parent = merge(fit_sums(origin, sums), flat, MERGE_RMS * chosen.max_distance)
+    for one, other in pairs[is_curved[pairs].all(axis=1)]:
+        parent[parent == max(parent[one], parent[other])] = min(parent[one], parent[other])
     roots, group = np.unique(parent, return_inverse=True)
     n_groups = len(roots)
-    fits = add_up(roots.astype(np.int64), group, origin, sums)
+    fits, curved, is_curved = add_up(roots.astype(np.int64), group, origin, sums), curved[roots], is_curved[roots]
+    fits.planes[is_curved], fits.spread[is_curved, 0] = curved[is_curved, PLACE], curved[is_curved, MSE]
     n_points = np.bincount(group, n_points, n_groups).astype(np.int64)
     area = np.bincount(group, area, n_groups).astype(np.float64)
     earliest = np.full(n_groups, np.iinfo(np.uint64).max, np.uint64)
     np.minimum.at(earliest, group, first)
-    kept = np.flatnonzero(is_large(fits, chosen) & is_judged(fits.planes, chosen))
+    large, kind = is_large(fits, chosen, is_curved), surface_kinds(fits.planes[:, :3], chosen.up, curved[:, BEND])
+    kept = np.flatnonzero(large & np.isin(kind, [SURFACES.index(name) for name in chosen.surfaces]))
     order = kept[np.lexsort((earliest[kept], -n_points[kept]))]
     number = np.full(n_groups, -1, np.int32)
     number[order] = np.arange(len(order))
@@ -181,9 +200,10 @@ def join_regions(tiles: Sequence[Regions], pairs: Ints, chosen: Parameters) -> J
         [np.append(each, np.int32(-1)) for each in np.split(number[group], ends)],
         fits.planes[order, :3].copy(),
         fits.planes[order, 3:].copy(),
+        curved[order, BEND].copy(),
         np.maximum(fits.spread[order, 0], 0.0),
         n_points[order],
-        report_of(fits, chosen, n_points, area),
+        report_of(large, kind, chosen, n_points, area),
     )
 
 
@@ -206,29 +226,28 @@ def translate(sums: Floats, by: Floats) -> Floats:
     return out
 
 
-def report_of(fits: Fits, chosen: Parameters, n_points: Ints, areas: Floats) -> dict[str, Any]:
-    """Return the report's part on regions (m): which are patches, and what was dropped."""
-    large, kind = is_large(fits, chosen), surface_kinds(fits.planes[:, :3], chosen.up)
-    kept = large & is_judged(fits.planes, chosen)
-    others = [name for name in SURFACES if name not in chosen.surfaces]
+def report_of(
+    large: NDArray[np.bool_], kind: NDArray[np.uint8], chosen: Parameters, n_points: Ints, areas: Floats
+) -> dict[str, Any]:
+    """Return the report's part on regions (m): which are patches, and what was dropped.
+
+    Of curved surfaces that were not looked for nothing is known.
+    """
+    kept = large & np.isin(kind, [SURFACES.index(name) for name in chosen.surfaces])
+    others = [name for name in SURFACES if name not in (*chosen.surfaces, "curved")]
     return {
         "patches": int(np.count_nonzero(kept)),
         "points_in_patches": int(n_points[kept].sum()),
         "not_judged": {name: _tally(large & (kind == SURFACES.index(name)), n_points, areas) for name in others},
-        "dropped_as_small": _tally(~large & (fits.sums[:, 0] > 0), n_points, areas),
+        "dropped_as_small": _tally(~large & (n_points > 0), n_points, areas),
     }
 
 
-def is_large(fits: Fits, chosen: Parameters) -> NDArray[np.bool_]:
-    """Return which regions (m,) have points and width enough, and are not slabs."""
+def is_large(fits: Fits, chosen: Parameters, is_curved: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return which regions (m,) have points and width enough, and are not slabs; curved ones have."""
     thickness, side = np.sqrt(np.nan_to_num(fits.spread[:, 0])), np.sqrt(np.nan_to_num(fits.spread[:, 1]))
     wide = (np.sqrt(12.0) * side >= chosen.min_extent) & (side >= WIDTH_IN_THICKNESS * thickness)
-    return np.asarray(wide & (fits.sums[:, 0] >= max(chosen.min_points, 3)))
-
-
-def is_judged(planes: Floats, chosen: Parameters) -> NDArray[np.bool_]:
-    """Return which planes (m,) are of a kind that is judged."""
-    return np.isin(surface_kinds(planes[:, :3], chosen.up), [SURFACES.index(name) for name in chosen.surfaces])
+    return np.asarray((wide | is_curved) & (fits.sums[:, 0] >= max(chosen.min_points, 3)))
 
 
 def region_areas(xyz: Floats, region: NDArray[np.int32], planes: Floats, cell: float) -> Floats:

@@ -67,15 +67,15 @@ def cut_tile(
     records = np.concatenate([own, *(each[tiling.near(each["xyz"], tile, halo)] for each in around)])
     points = sort_in_frame(np.ascontiguousarray(records["xyz"]), frame)
     copies = np.bincount(points.number[: len(own)], minlength=len(points.xyz))
-    region, n_looked_at = np.full(len(points.xyz), -1, np.int32), 0
+    region, curved, n_looked_at = np.full(len(points.xyz), -1, np.int32), np.zeros((0, 10)), 0
     if len(points.xyz) >= FEWEST_POINTS:
-        region, core = cut_points(points, chosen)
+        region, curved, core = cut_points(points, chosen)
         n_looked_at = int(np.count_nonzero(copies[core.place]))
     of_point = region[points.number]
     shared = ~tiling.near(records["xyz"], tile, -halo)
     shared[len(own) :] = True
     _write_border(store.path("border", tile), records["number"][shared], of_point[shared])
-    regions = describe_regions(points, region, copies, chosen)
+    regions = describe_regions(points, region, copies, curved, chosen)
     n_regions = len(regions.origin)
     place = np.where(of_point[: len(own)] < 0, n_regions, of_point[: len(own)])
     order = np.argsort(place, kind="stable")

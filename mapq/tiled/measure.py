@@ -55,6 +55,7 @@ class PatchGroup(NamedTuple):
     number: Ints  # (c,) the patches, ascending
     normal: Floats  # (c, 3)
     centroid: Floats  # (c, 3)
+    bend: Floats  # (c, 3)
     slices: Ints  # (s, 4) of their points, as :class:`mapq.tiled.cut.Whole` has them
     owner: Ints  # (s,) of each slice, the place of its patch among these
     corner: Floats  # (3,) from which places are measured
@@ -64,7 +65,7 @@ class PatchGroup(NamedTuple):
         found = self.store.points(self.slices)
         records = np.concatenate([np.zeros(0, self.store.record), *found])
         patch = np.repeat(self.owner, [len(each) for each in found]).astype(np.int32)
-        patches = Patches.unlabelled(_cloud(records), patch, self.normal, self.centroid, {}, {})
+        patches = Patches.unlabelled(_cloud(records), patch, self.normal, self.centroid, {}, {}, self.bend)
         return from_corner(patches, self.corner)
 
 
@@ -79,9 +80,8 @@ def part_of(whole: Whole, store: WorkFolder, number: Ints, step: Ints) -> PatchG
     owner = np.repeat(np.arange(len(number)), [len(span) for span in spans])
     slices = whole.slices[np.concatenate([np.zeros(0, np.int64), *spans])]
     slices[:, 3] = step[owner]
-    return PatchGroup(
-        store, number, whole.joined.normal[number], whole.joined.centroid[number], slices, owner, whole.corner
-    )
+    surfaces = (whole.joined.normal[number], whole.joined.centroid[number], whole.joined.bend[number])
+    return PatchGroup(store, number, *surfaces, slices, owner, whole.corner)
 
 
 def measure_part(

@@ -241,8 +241,8 @@ def _in_axes_of_files(
     joined = whole.joined
     nowhere = np.broadcast_to(np.full((1, 3), np.nan), (files.n_points, 3))
     cloud = PointCloud(nowhere, files.shift, source=files.path, unit=files.heads[0].unit)
-    normal, centroid = turn(joined.normal, -quarter), turn(joined.centroid, -quarter)
-    plain = Patches.unlabelled(cloud, np.zeros(0, np.int32), normal, centroid, parameters, report)
+    normal, centroid, bend = (turn(each, -quarter) for each in (joined.normal, joined.centroid, joined.bend))
+    plain = Patches.unlabelled(cloud, np.zeros(0, np.int32), normal, centroid, parameters, report, bend)
     low, high = np.sort([turn(whole.low, -quarter), turn(whole.high, -quarter)], axis=0)
     return PatchesOnDisk(**vars(plain), sizes=joined.n_points, low=low, high=high)
 

@@ -83,7 +83,7 @@ def joined(pieces: list[np.ndarray], pairs: list[tuple[int, int]]) -> list[int]:
         origin, sums = np.zeros((1, 3)), np.empty((1, MOMENTS))
         sum_regions(piece, np.zeros(len(piece), np.int32), origin, sums)
         counts = np.array([len(piece)]), np.array([place], np.uint64), np.ones(1)
-        tiles.append(Regions(origin, sums, *counts))
+        tiles.append(Regions(origin, sums, *counts, np.zeros((1, 10))))
     found = join_regions(tiles, np.array(pairs, np.int64).reshape(-1, 2), chosen)
     together = np.concatenate(pieces)
     np.testing.assert_allclose(found.n_points.sum(), len(together))
