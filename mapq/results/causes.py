@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapq.configuration import SURFACES
+from mapq.features.shape import charted
 from mapq.features.table import PatchFeatures
 from mapq.patches import Patches
 from mapq.posed.breaks import Breaks, Parts, breaks_of
@@ -47,6 +48,8 @@ FEWEST = 5
 """Points of a moment that sees a patch."""
 MOST_POINTS = 20_000
 """Of a patch and its copies that are looked at."""
+MOST_NORMALS = 16
+"""Of a curved patch along which the motions of scans are compared."""
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -101,7 +104,9 @@ def find_causes(
         if scans is None:
             found[patch] = cause_of(spread, visits, apart[patch], along)
         else:
-            place = patches.centroid[patch], patches.normal[patch]
+            points, start = patches.members
+            normals = _over(patches, patch, points[start[patch] : start[patch + 1]])[2]
+            place = patches.centroid[patch], normals[:: 1 + len(normals) // MOST_NORMALS]
             found[patch] = scans.cause_of(spread, *place, float(apart[patch, 1]), along)
     return found
 
@@ -182,9 +187,14 @@ class _ScanMotions(NamedTuple):
         number[visits.moment[rows]] = patches.cloud.fields["scan"][rows]
         return cls(breaks_of(poses), number)
 
-    def cause_of(self, spread: Spread, at: Floats, normal: Floats, apart: float, along: str = "") -> Cause:
-        """Return the cause that motions show at a place (3) of a patch, whose scans disagree by `apart` metres."""
+    def cause_of(self, spread: Spread, at: Floats, normals: Floats, apart: float, along: str = "") -> Cause:
+        """Return the cause that motions show at a place (3) of a patch, whose scans disagree by `apart` metres.
+
+        Along that of its normals (k, 3) by which scans are farthest apart.
+        """
         scans = self.number[list(spread.seen)]
+        ranges = [float(np.ptp(self.breaks.offsets(scans, at, each))) if len(scans) else 0.0 for each in normals]
+        normal = normals[int(np.argmax(ranges))]
         offset = self.breaks.offsets(scans, at, normal)
         if len(scans) and np.ptp(offset) < CLEAR and apart > LEAST:
             # What other scans have of it may lie in no patch: then those beside the ones that see it are asked too.
@@ -239,14 +249,12 @@ def measure_spread(patches: Patches, patch: int, copies: list[int], visits: Visi
     own = points[start[patch] : start[patch + 1]]
     rows = np.concatenate([own, *(points[start[other] : start[other + 1]] for other in copies)])
     rows = _thinned(rows[visits.moment[rows] >= 0], patches.cloud.xyz, visits.moment)
-    normal = patches.normal[patch]
-    apart = patches.cloud.xyz[rows] - patches.centroid[patch]
-    height = apart @ normal
-    cell = np.floor(_in_plane(apart, normal) / CELL).astype(np.int64)
+    height, place, normal = _over(patches, patch, rows)
+    cell = np.floor(place / CELL).astype(np.int64)
     is_own = patches.patch[rows] == patch
     near = (np.abs(height) < reach) & _among(cell, cell[is_own])
     if visits.to_sensor is not None:
-        near &= _same_side(visits.to_sensor[rows] @ normal, is_own)
+        near &= _same_side((visits.to_sensor[rows] * normal).sum(axis=1), is_own)
     return nested_spread(height[near], cell[near], visits.moment[rows[near]], visits)
 
 
@@ -256,6 +264,20 @@ def _thinned(rows: Ints, xyz: Floats, moment: NDArray[np.integer[Any]]) -> Ints:
         return rows
     x, y, z = xyz[rows].T
     return rows[np.lexsort((z, y, x, moment[rows]))][:: -(-len(rows) // MOST_POINTS)]
+
+
+def _over(patches: Patches, patch: int, rows: Ints) -> tuple[Floats, Floats, Floats]:
+    """Return heights (n,) of points over a patch, their places (n, 2) in it, and its normal (1 or n, 3) below them."""
+    normal, apart = patches.normal[patch], patches.cloud.xyz[rows] - patches.centroid[patch]
+    if patches.bend is None or not patches.bend[patch].any():
+        return apart @ normal, _in_plane(apart, normal), normal[None]
+    bend = float(np.linalg.norm(patches.bend[patch]))
+    along = patches.bend[patch] / bend
+    across = np.cross(along, normal)
+    axes = across[None], along[None], normal[None]
+    u, v, height = charted(apart, np.zeros(len(rows), np.int64), axes, np.array([bend]))
+    angle = bend * u[:, None]
+    return height, np.column_stack([u, v]), np.cos(angle) * normal + np.sin(angle) * across
 
 
 def _in_plane(apart: Floats, normal: Floats) -> Floats:

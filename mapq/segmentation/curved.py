@@ -32,6 +32,8 @@ ALIKE = 8.0
 """Points that share the noise of their normals, as they share most neighbours."""
 ROUNDS, STEPS = 8, 3
 """Of growing and fitting a cylinder, and steps of the fit in each."""
+NEAR = 0.5
+"""Times the distance limit: heights that weigh a quarter in a fit."""
 WITHIN = 0.02, 0.98
 """Quantiles taken for the ends of an arc."""
 
@@ -49,8 +51,8 @@ class Search(NamedTuple):
     core: Core
     sure: Core  # without the normals of thick neighbourhoods
     chosen: Parameters
-    region: Ints32  # (c,) as planes were grown, -1 for none
-    size: NDArray[np.int64]  # (r,) of regions
+    region: Ints32  # (c,) -1 for none, and where a cylinder took most of a region
+    size: NDArray[np.int64]  # (r,) of regions, as planes were grown
     order: Ints32  # (c,) by region
     begin: NDArray[np.int64]  # (r + 1,) where each region begins in the order
     free: NDArray[np.bool_]  # (c,) on no cylinder yet
@@ -64,13 +66,13 @@ class Search(NamedTuple):
         order = np.argsort(region, kind="stable").astype(np.int32)
         begin = np.searchsorted(region[order], np.arange(n_regions + 1))
         sure, free = core._replace(normal=sure_normals(core)), np.ones(len(region), np.bool_)
-        return cls(core, sure, chosen, region, np.diff(begin), order, begin, free, ~free, np.empty_like(region))
+        return cls(core, sure, chosen, region.copy(), np.diff(begin), order, begin, free, ~free, np.empty_like(region))
 
     def of(self, regions: ArrayLike) -> Ints32:
-        """Return the free points of some regions."""
+        """Return the free points that some regions still have."""
         lists = [self.order[self.begin[r] : self.begin[r + 1]] for r in np.atleast_1d(regions)]
         some: Ints32 = np.concatenate([np.zeros(0, np.int32), *lists])
-        return np.asarray(some[self.free[some]])
+        return np.asarray(some[self.free[some] & (self.region[some] >= 0)])
 
     def on(self, cylinder: Cylinder, core: Core, seeds: Ints32) -> Ints32:
         """Return the points, ascending, that neighbours with such normals connect with seeds on a cylinder."""
@@ -83,21 +85,21 @@ class Search(NamedTuple):
 def find_cylinders(core: Core, chosen: Parameters, region: Ints32) -> tuple[Ints32, list[Cylinder]]:
     """Return the region (c,) of each core point with those on cylinders in regions of their own, behind all others."""
     search = Search.over(core, chosen, region)
-    slices, out = bent_slices(search), region.copy()
-    found: list[Cylinder] = []
+    slices = bent_slices(search)
+    found: list[tuple[Cylinder, Ints32]] = []
     for r in sorted(slices, key=lambda r: (-search.size[r], r)):
         seeds = search.of(r)
         if len(seeds) < FAIR_SHARE * search.size[r]:
             continue
         grown = grow_fairly(search, seeds, slices[r])
         if grown is not None and is_curved(search, *grown):
-            cylinder, members = grown
-            replaced = np.unique(region[members])
-            out[search.of(replaced[replaced >= 0])] = -1
-            out[members] = len(search.size) + len(found)
-            search.free[members] = False
-            found.append(cylinder)
-    return out, found
+            found.append(grown)
+            replaced = np.unique(search.region[grown[1]])
+            search.region[search.of(replaced[replaced >= 0])] = -1
+            search.free[grown[1]] = False
+    for number, (_, members) in enumerate(found, len(search.size)):
+        search.region[members] = number
+    return search.region, [cylinder for cylinder, _ in found]
 
 
 def grow_fairly(search: Search, seeds: Ints32, start: Cylinder) -> tuple[Cylinder, Ints32] | None:
@@ -158,22 +160,26 @@ def grow(search: Search, seeds: Ints32, start: Cylinder) -> tuple[Cylinder, Ints
         if np.array_equal(before, members):
             break
         for _ in range(STEPS):
-            cylinder = improve(search.core.xyz[members], cylinder)
+            cylinder = improve(search.core.xyz[members], cylinder, NEAR * search.chosen.max_distance)
         if not RADII[0] < cylinder.radius < RADII[1]:
             return None
     return cylinder, search.on(cylinder, search.core, members)
 
 
-def improve(xyz: Floats, cylinder: Cylinder) -> Cylinder:
-    """Return the cylinder after one step of least squares (Gauss and Newton) towards points (n, 3)."""
+def improve(xyz: Floats, cylinder: Cylinder, near: float) -> Cylinder:
+    """Return the cylinder after one step of robust least squares (Gauss and Newton) towards points (n, 3).
+
+    With the weights of Geman and McClure at the scale `near`, in metres: between two copies it settles on one.
+    """
     one, other = axes_across(cylinder.axis)
     offset = xyz - cylinder.centre
     x, y, z = offset @ one, offset @ other, offset @ cylinder.axis
     middle = z.mean()
     away = np.hypot(x, y)
-    x, y, z = x / away, y / away, z - middle
+    x, y, z, off = x / away, y / away, z - middle, away - cylinder.radius
     rows = np.column_stack([x, y, z * x, z * y, np.ones(len(x))])
-    step = np.linalg.lstsq(rows.T @ rows, rows.T @ (away - cylinder.radius), rcond=1e-12)[0]
+    weighed = rows.T * (near**2 / (near**2 + off * off)) ** 2
+    step = np.linalg.lstsq(weighed @ rows, weighed @ off, rcond=1e-12)[0]
     axis = cylinder.axis + step[2] * one + step[3] * other
     centre = cylinder.centre + middle * cylinder.axis + step[0] * one + step[1] * other
     return Cylinder(axis / np.linalg.norm(axis), centre, float(cylinder.radius + step[4]))
