@@ -252,6 +252,30 @@ def add_steps(builder: SceneBuilder, start: Floats, along: Floats, width: float,
         add_box(builder, centre, (0.5 * depth, 0.5 * width), (step * rise, (step + 1) * rise), heading)
 
 
+def add_rounds(builder: SceneBuilder, area: Rect, height: float, start: tuple[float, float], rng: Rng) -> None:
+    """Add columns or trunks, tanks, and pipes along a side: true cylinders; none where sensors start.
+
+    Whatever is drawn for them changes nothing else of a world.
+    """
+    own = rng.spawn(1)[0]
+    tall = min(height, 8.0)
+    sizes = {
+        "column": ((0.15, 0.8), (tall, tall)),
+        "tank": ((0.5, 2.5), (1.0, 5.0)),
+        "pipe": ((0.06, 0.2), (1.5, tall)),
+    }
+    for kind in own.choice(list(sizes), own.poisson(1.0)):
+        (thin, thick), (low, high) = sizes[kind]
+        radius, top = float(np.exp(own.uniform(np.log(thin), np.log(thick)))), min(float(own.uniform(low, high)), tall)
+        first, n = _place(area, own, radius + 0.2), int(own.integers(1, 5))
+        if kind == "pipe":
+            first[1] = area[1] + radius + own.uniform(0.02, 0.3)
+        step = max(own.uniform(2.5, 5.0) * radius, 2.0 * radius + 0.05) if kind == "pipe" else own.uniform(3.0, 6.0)
+        for place in first + step * np.arange(n)[:, None] * np.array([1.0, 0.0]):
+            if place[0] < area[2] - radius and np.hypot(*(place - start)) > radius + 1.5:
+                builder.post(place, radius, (0.0, top))
+
+
 def _place(area: Rect, rng: Rng, margin: float = 0.8) -> Floats:
     low, high = np.array(area[:2]) + margin, np.array(area[2:]) - margin
     return np.asarray(rng.uniform(np.minimum(low, high), np.maximum(low, high)))
@@ -437,7 +461,9 @@ def build_hall(builder: SceneBuilder, rng: Rng) -> Built:
     _finish_rooms(builder, area, rooms, height, rng)
     if rng.random() < 0.5:
         add_steps(builder, np.array([2.0, 0.1]), np.array([1.0, 0.0]), rng.uniform(1.0, 2.5), rng)
-    return area, _middle(max(rooms, key=_size)), 0.0, height
+    start = _middle(max(rooms, key=_size))
+    add_rounds(builder, area, height, start, rng)
+    return area, start, 0.0, height
 
 
 def build_office(builder: SceneBuilder, rng: Rng) -> Built:
@@ -641,7 +667,9 @@ def build_street(builder: SceneBuilder, rng: Rng) -> Built:
         end = Line.facing(np.array([length + 8.0, -4.0]), np.array([length + 8.0, width + 4.0]), np.array([1.0, 0.0]))
         add_row(builder, end, base, rng)
     _add_walkers(builder, (0.0, 0.0, length, width), rng)
-    return (0.0, 1.0, length, width - 1.0), (3.0, 0.5 * width), slope, np.inf
+    start = (3.0, 0.5 * width)
+    add_rounds(builder, (0.0, 0.5, length, width - 0.5), np.inf, start, rng)
+    return (0.0, 1.0, length, width - 1.0), start, slope, np.inf
 
 
 def build_block(builder: SceneBuilder, rng: Rng) -> Built:
@@ -695,7 +723,9 @@ def build_quad(builder: SceneBuilder, rng: Rng) -> Built:
         add_wall(builder, *ends, (0.0, rng.uniform(0.5, 2.2)), rng.uniform(0.1, 0.5), ())
     area = (2.0, 2.0, size[0] - 2.0, size[1] - 2.0)
     _add_walkers(builder, area, rng)
-    return area, (0.5 * size[0], 0.5 * size[1]), 0.0, np.inf
+    start = (0.5 * size[0], 0.5 * size[1])
+    add_rounds(builder, area, np.inf, start, rng)
+    return area, start, 0.0, np.inf
 
 
 def _add_stone_wall(builder: SceneBuilder, line: Line, height: float, rng: Rng) -> None:

@@ -21,7 +21,7 @@ from scipy.sparse.csgraph import dijkstra
 from data.training_scenes import Site, make_site
 from data.true_ranges import true_ranges, with_metres
 from mapq.cloud import PointCloud
-from mapq.configuration import PerturbSettings
+from mapq.configuration import SURFACES, PerturbSettings, SegmentSettings
 from mapq.io import write_patches
 from mapq.kernels.raycast import cast_beams
 from mapq.labels import metres_of
@@ -331,7 +331,7 @@ def _outlines(site: Site) -> Iterator[Floats]:
             along = np.arange(0.0, wall[4] + PLAN_CELL, 0.5 * PLAN_CELL)[:, None]
             yield wall[:2] + np.minimum(along, wall[4]) * wall[2:4]
     for x, y, radius in [*posts[:, :3], *blobs[blobs[:, 2] - blobs[:, 4] < 2.0][:, [0, 1, 3]]]:
-        turn = np.linspace(0.0, 2.0 * np.pi, 8)
+        turn = np.linspace(0.0, 2.0 * np.pi, 8 + int(2.0 * np.pi * radius / PLAN_CELL))
         yield np.array([x, y]) + radius * np.column_stack([np.cos(turn), np.sin(turn)])
 
 
@@ -637,12 +637,15 @@ def _beside(
 
 
 def training_patches(seed: int, is_wrong: bool) -> Patches:
-    """Return the labelled patches of a map, labelled by what is true."""
+    """Return the labelled patches of a map, planes and curved ones, labelled by what is true."""
     world, used, source = draw_map(make_world(seed), seed, is_wrong)
     cloud = labelled(world, used, source)
-    patches = segment(cloud)
-    # What moves has no truth, and what one scan alone saw nothing can show to be wrong.
+    patches = segment(cloud, SegmentSettings(surfaces=("upright", "level", "curved")))
+    # What moves has no truth, and what one scan alone saw nothing can show to be wrong. Of columns points have no truth
+    # of their own in wrong maps, but they stand still.
+    stands = metres_of(patches.patch, len(patches), (world.surface != NOT_KNOWN).astype(np.float32)) > 0.5
     known = np.isfinite(metres_of(patches.patch, len(patches), cloud.fields["disagreement"]))
+    known |= stands & (patches.kinds == SURFACES.index("curved"))
     apart = true_ranges(patches, world.hit, used @ np.linalg.inv(world.poses))
     return with_metres(patches, np.where(known, np.nan_to_num(apart), np.nan))
 
