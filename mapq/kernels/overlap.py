@@ -54,10 +54,21 @@ def is_covered(sheets: Sheets, j: int, u: float, v: float) -> bool:
 
 
 @part
+def alike(planes: Planes, i: int, j: int, point: Floats) -> float:
+    """How alike two patches face at a point: cos(2 angle)."""
+    cosine = dot(facing(planes, i, point), facing(planes, j, point))
+    return 2.0 * cosine * cosine - 1.0
+
+
+@part
 def lay_over(
     sheets: Sheets, planes: Planes, points: Floats, start: Ints, i: int, j: int, offsets: Floats, areas: Floats
 ) -> int:
-    """Find the points of patch i that patch j covers: their offsets from plane j and the area that each represents."""
+    """Find the points of patch i that patch j covers: their offsets from plane j and the area that each represents.
+
+    Where either is curved it is the area of their shadow on patch j, less the more they are turned to it: see `alike`.
+    """
+    is_curved = planes.bend[i] > 0.0 or planes.bend[j] > 0.0
     total = 0.0
     for k in range(start[i], start[i + 1]):
         total += sheets.gap[k] * sheets.gap[k]
@@ -67,9 +78,13 @@ def lay_over(
         point = points[sheets.number[k]]
         u, v, height = chart(planes, j, point)
         if is_covered(sheets, j, u, v):
-            offsets[n] = abs(height)
-            areas[n] = per_square * sheets.gap[k] * sheets.gap[k]
-            n += 1
+            shadow = 1.0
+            if is_curved:
+                shadow = alike(planes, i, j, point) * min(1.0 / (1.0 + planes.bend[j] * height), 1.0)
+            if shadow > 0.0:
+                offsets[n] = abs(height)
+                areas[n] = per_square * sheets.gap[k] * sheets.gap[k] * shadow
+                n += 1
     return n
 
 
@@ -106,9 +121,9 @@ def overlaps(
     """Overlap A, covered area and offset (n, 3) of each pair of patches.
 
     A (equation 11): the larger of the areas of either that the other covers, over the smaller of their areas; nought
-    from 45 degrees on, falling with cos(2 angle) up to there; of curved patches, the angle at the `middle` (n, 3) of
-    their closest points. The offset is the median over the covered points of the one with more covered area; without
-    any, the distance of that middle to the farther plane.
+    from 45 degrees on, falling with cos(2 angle) up to there, of curved patches point by point. The offset is the
+    median over the covered points of the one with more covered area; without any, the distance of the closest points'
+    `middle` (n, 3) to the farther plane.
     """
     out = np.zeros((len(pairs), 3))
     longest = 0
@@ -119,9 +134,9 @@ def overlaps(
         i, j = pairs[p, 0], pairs[p, 1]
         for side in range(2):
             out[p, 2] = max(out[p, 2], abs(chart(planes, pairs[p, side], middle[p])[2]))
-        cosine = dot(facing(planes, i, middle[p]), facing(planes, j, middle[p]))
-        alike = 2.0 * cosine * cosine - 1.0
-        if alike <= 0.0:
+        is_curved = planes.bend[i] > 0.0 or planes.bend[j] > 0.0
+        turned = 1.0 if is_curved else alike(planes, i, j, middle[p])
+        if turned <= 0.0:
             continue
         smaller = min(planes.area[i], planes.area[j])
         for side in range(2):
@@ -132,7 +147,7 @@ def overlaps(
             covered = 0.0
             for k in range(n):
                 covered += areas[k]
-            out[p, 0] = max(out[p, 0], min(1.0, alike * counted / smaller))
+            out[p, 0] = max(out[p, 0], min(1.0, turned * counted / smaller))
             if covered > out[p, 1]:
                 out[p, 1] = covered
                 out[p, 2] = quantile(offsets, n, 0.5)
