@@ -163,7 +163,10 @@ class SegmentSettings(Table):
     min_points: int = key(50, "", "smaller patches are dropped", ge=0, le=int(LARGEST))
     min_extent: float | None = key(None, "m", "narrower patches are dropped", ge=0, le=LARGEST)
     surfaces: Annotated[tuple[SurfaceKind, ...], BeforeValidator(split_words)] = key(
-        ("upright", "level"), "", "planes that are judged, of upright, level and tilted; joined by commas", "KIND,..."
+        ("upright", "level"),
+        "",
+        "surfaces that are judged: planes that are upright, level or tilted, and curved ones (cylinders)",
+        "KIND,...",
     )
     up: Direction = key((0.0, 0.0, 1.0), "", "the vertical, of any length")
 

@@ -28,6 +28,8 @@ MIN_KEPT = 0.6
 """Of the points on a cylinder that are left to it where planes keep theirs: less is the edge where two walls meet."""
 MIN_TURN, TURN_IN_ERRORS = np.radians(6.0), 4.0
 """Radians by which the normals of a slice turn from side to side, and in times what their noise makes of it."""
+FACING = 0.5
+"""Cosine of the angle between a slice and the normals that count."""
 ALIKE = 8.0
 """Points that share the noise of their normals, as they share most neighbours."""
 ROUNDS, STEPS = 8, 3
@@ -73,6 +75,11 @@ class Search(NamedTuple):
         lists = [self.order[self.begin[r] : self.begin[r + 1]] for r in np.atleast_1d(regions)]
         some: Ints32 = np.concatenate([np.zeros(0, np.int32), *lists])
         return np.asarray(some[self.free[some] & (self.region[some] >= 0)])
+
+    @property
+    def radii(self) -> tuple[float, float]:
+        """Smallest and largest radius in metres: a sagitta is no longer than the radius."""
+        return max(RADII[0], MIN_SAGITTA * self.chosen.max_distance), RADII[1]
 
     def on(self, cylinder: Cylinder, core: Core, seeds: Ints32) -> Ints32:
         """Return the points, ascending, that neighbours with such normals connect with seeds on a cylinder."""
@@ -121,12 +128,13 @@ def grow_fairly(search: Search, seeds: Ints32, start: Cylinder) -> tuple[Cylinde
 def bent_slices(search: Search) -> dict[int, Cylinder]:
     """Return the cylinder of each plane region whose normals turn along it, by their regression on places."""
     core, region, n_regions = search.sure, search.region, len(search.size)
-    of = np.flatnonzero((region >= 0) & np.isfinite(core.normal[:, 0]))
-    r, planes = region[of], fit(core.xyz, region).planes
+    of, planes = np.flatnonzero(region >= 0), fit(core.xyz, region).planes
+    cosine = np.einsum("ij,ij->i", core.normal[of], planes[region[of], :3])
+    of, cosine = of[np.abs(cosine) > FACING], cosine[np.abs(cosine) > FACING]
+    r = region[of]
     normal, place = planes[r, :3], core.xyz[of] - planes[r, 3:]
     place -= np.einsum("ij,ij->i", place, normal)[:, None] * normal
-    lean = core.normal[of].astype(np.float64)
-    lean = lean / np.einsum("ij,ij->i", lean, normal)[:, None] - normal
+    lean = core.normal[of] / cosine[:, None] - normal
     n = np.bincount(r, minlength=n_regions).astype(np.float64)
     spread, turn = (
         np.stack([np.bincount(r, a[:, i] * place[:, j], n_regions) for i in range(3) for j in range(3)], axis=1)
@@ -136,14 +144,16 @@ def bent_slices(search: Search) -> dict[int, Cylinder]:
     found = {}
     for each in np.flatnonzero(n >= MIN_FRAGMENT).tolist():
         one, p, t = planes[each, :3], spread[each].reshape(3, 3) / n[each], turn[each].reshape(3, 3) / n[each]
-        shape = np.linalg.solve(p + np.trace(p) * np.outer(one, one), t.T)
+        # Points on a line say nothing across it.
+        shape = np.linalg.solve(p + np.trace(p) * (np.outer(one, one) + 1e-9 * np.eye(3)), t.T)
         values, vectors = np.linalg.eigh(shape + shape.T)
         largest = int(np.argmax(np.abs(values)))
         bend, along = 0.5 * values[largest], vectors[:, largest]
         variance = along @ p @ along
         side = np.sqrt(12.0 * variance)
         error = np.sqrt(12.0 * max(noise[each] - bend * bend * variance, 0.0) * ALIKE / n[each])
-        if abs(bend) * side > max(MIN_TURN, TURN_IN_ERRORS * error) and 0.5 / RADII[1] < abs(bend) < 2.0 / RADII[0]:
+        within = 0.5 / search.radii[1] < abs(bend) < 2.0 / search.radii[0]
+        if within and abs(bend) * side > max(MIN_TURN, TURN_IN_ERRORS * error):
             axis = np.cross(one, along)
             centre = planes[each, 3:] + (0.5 * bend * variance - 1.0 / bend) * one
             found[each] = Cylinder(axis / np.linalg.norm(axis), centre, 1.0 / abs(bend))
@@ -161,7 +171,7 @@ def grow(search: Search, seeds: Ints32, start: Cylinder) -> tuple[Cylinder, Ints
             break
         for _ in range(STEPS):
             cylinder = improve(search.core.xyz[members], cylinder, NEAR * search.chosen.max_distance)
-        if not RADII[0] < cylinder.radius < RADII[1]:
+        if not search.radii[0] < cylinder.radius < search.radii[1]:
             return None
     return cylinder, search.on(cylinder, search.core, members)
 
