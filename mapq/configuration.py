@@ -31,8 +31,7 @@ IN_MODELS = (
 Direction = tuple[float, float, float]
 SurfaceKind = Literal["upright", "level", "tilted", "curved"]
 SURFACES: tuple[SurfaceKind, ...] = ("upright", "level", "tilted", "curved")
-"""Planes within 30 degrees of vertical, within 30 of horizontal, and between (:func:`mapq.patches.surface_kinds`); and
-parts of cylinders."""
+"""Planes up to 30 degrees from vertical, from horizontal, the rest (:func:`mapq.patches.surface_kinds`); cylinders."""
 Reading = Literal["safe", "literal"]
 Context = Literal["outlines", "moments", "rays", "copies"]
 CONTEXTS: tuple[Context, ...] = ("outlines", "moments", "rays", "copies")
@@ -163,10 +162,7 @@ class SegmentSettings(Table):
     min_points: int = key(50, "", "smaller patches are dropped", ge=0, le=int(LARGEST))
     min_extent: float | None = key(None, "m", "narrower patches are dropped", ge=0, le=LARGEST)
     surfaces: Annotated[tuple[SurfaceKind, ...], BeforeValidator(split_words)] = key(
-        ("upright", "level"),
-        "",
-        "surfaces that are judged: planes that are upright, level or tilted, and curved ones (cylinders)",
-        "KIND,...",
+        ("upright", "level"), "", "judged: upright, level, tilted, curved surfaces; by commas", "KIND,..."
     )
     up: Direction = key((0.0, 0.0, 1.0), "", "the vertical, of any length")
 

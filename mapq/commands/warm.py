@@ -14,7 +14,7 @@ MADE = "simulate --size small --n-points 60000 --seed 1 -o town.ply"
 COMMANDS = {
     "classify": (
         MADE,
-        "segment town.ply -o town.patches",
+        "segment town.ply --surfaces upright,level,curved -o town.patches",
         "segment town.ply --set segment.resolution=0.3 -o coarse.patches",
         "classify town.patches -o result.ply",
     ),
