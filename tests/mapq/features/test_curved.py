@@ -9,10 +9,8 @@ import pytest
 
 from data.true_ranges import true_ranges
 from mapq.axes import turn_cloud
-from mapq.cloud import PointCloud
 from mapq.configuration import AS_IT_IS, SURFACES, Configuration, FeatureSettings, TileSettings
 from mapq.features import measure_shapes, patch_features
-from mapq.features.context import NODE_COLUMNS
 from mapq.io import write_cloud
 from mapq.io.patches import read_patches, write_patches
 from mapq.io.tiles import open_map
@@ -77,18 +75,6 @@ def test_scans_that_see_a_column_from_all_sides_are_apart_by_their_shift(shift):
     assert found[curved, 1] == pytest.approx(truth[curved], abs=0.02)
     assert (found[curved, 0] <= truth[curved]).all()
     assert (truth[curved] <= found[curved, 2]).all()
-
-
-def test_points_alone_show_a_second_layer_over_a_column():
-    place = NODE_COLUMNS["copies"].index("copy_cover")
-    cover = []
-    for shift in ((0.0, 0.0), (0.2, 0.0)):
-        patches = segment(PointCloud.from_world(scanned(shift).xyz), CURVED)
-        node = patch_features(patches, FeatureSettings(noise=NOISE, context=("copies",))).node
-        curved = (patches.kinds == IS_CURVED) & (patches.counts > 1000)
-        cover.append(node[curved, 3 + place])
-    assert cover[0].max() < 0.09
-    assert np.median(cover[1]) > 0.12
 
 
 def test_files_keep_axes_and_those_without_hold_planes(room, tmp_path):
