@@ -81,7 +81,7 @@ def copy_columns(nearby: Nearby, shapes: PatchShapes, settings: FeatureSettings)
     `nearby`: all finite points of the cloud.
 
     Of the motion that moves the patches about onto layers like copies best, a horizontal one of upright patches or a
-    vertical one of the others: the likeness of what it moves (support), that without this very patch (others), what it
+    vertical one of other planes: the likeness of what it moves (support), that without this very patch (others), what it
     has more than the median motion (clear), the likeness of this patch's own layer there (own), how far it moves along
     the normal of the patch (along) and its length, metres.
     """
@@ -128,7 +128,7 @@ def _about(shapes: PatchShapes) -> tuple[Ints, Ints]:
 def _shifts(likeness: Floats, shapes: PatchShapes, step: float, begin: Ints, other: Ints) -> dict[str, Floats]:
     """Return the columns of the motion that explains most of what lies over the patches about each."""
     middle = likeness.shape[1] // 2
-    upright = (shapes.up_cosine < UPRIGHT) & (shapes.bend == 0.0)
+    plane, upright = shapes.bend == 0.0, shapes.up_cosine < UPRIGHT
     profile = np.maximum(likeness[:, middle:], likeness[:, middle::-1])
     profile[:, : int(2 * NEAREST)] = 0.0
     near = max(1, int(np.ceil(0.5 * LATTICE / step)))
@@ -139,12 +139,14 @@ def _shifts(likeness: Floats, shapes: PatchShapes, step: float, begin: Ints, oth
     least, size = NEAREST * 2 * step, np.sqrt(shapes.area)
     rises = np.arange(least, FARTHEST, step)
     about = (begin, other, least)
-    sideways = self_shifts(wide, step, _motions(least), flat, np.where(upright, size, 0.0), *about)
+    sideways = self_shifts(wide, step, _motions(least), flat, np.where(plane & upright, size, 0.0), *about)
     # Along the vertical all level patches face alike.
     upwards = np.column_stack([np.ones(len(shapes)), np.zeros(len(shapes))])
     vertical = np.column_stack([rises, np.zeros(len(rises))])
-    upwards = self_shifts(wide, step, vertical, upwards, np.where(upright, 0.0, size), *about)
-    support, length, along, others, clear, own = np.where(upright[:, None], sideways, upwards).T
+    upwards = self_shifts(wide, step, vertical, upwards, np.where(plane & ~upright, size, 0.0), *about)
+    found = np.where(upright[:, None], sideways, upwards)
+    found[~plane] = np.nan
+    support, length, along, others, clear, own = found.T
     along = _refined(along, profile, own, step, near)
     return {
         "shift_support": support,
