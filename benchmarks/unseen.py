@@ -167,7 +167,7 @@ def _some(points: Judged) -> Judged:
 
 
 def of_surface(said: Sequence[Said], kind: int, variant: str) -> dict[str, float]:
-    """Return how well one kind of surface is judged: share of points, ranks, recall, and what right maps have called."""
+    """Return how one kind of surface is judged: share of points, ranks, recall, and what is called of right maps."""
     tolerance, far, near = OF_SURFACES[variant]
     parts = []
     for each in said:

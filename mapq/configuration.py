@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import BeforeValidator, Field
+from pydantic import AfterValidator, BeforeValidator, Field
 
 from prf.shell.cli.settings import Loaded, SettingError, Table, Tree, key
 from prf.shell.errors import UsageError
@@ -28,7 +28,6 @@ IN_MODELS = (
 )
 """Feature settings in the order of model files."""
 
-Direction = tuple[float, float, float]
 SurfaceKind = Literal["upright", "level", "tilted", "curved"]
 SURFACES: tuple[SurfaceKind, ...] = ("upright", "level", "tilted", "curved")
 """Planes up to 30 degrees from vertical, from horizontal, the rest (:func:`mapq.patches.surface_kinds`); cylinders."""
@@ -61,22 +60,25 @@ def parse_share(text: Any) -> Any:
     return share
 
 
+def check_direction(up: tuple[float, float, float]) -> tuple[float, float, float]:
+    """Return a vector that is neither 0, nor so short or long that squares are; ValueError for others."""
+    if not 1e-100 < max(map(abs, up)) < 1e100:
+        raise ValueError("must not be 0 0 0, nor so short or long that squares are")
+    return up
+
+
 def split_words(words: Any) -> Any:
     """Return words of which some are joined by commas, one by one; of a word alone those in it."""
     given = [words] if isinstance(words, str) else words
     return tuple(part.strip() for word in given for part in str(word).split(",")) if isinstance(given, list) else words
 
 
+Direction = Annotated[tuple[float, float, float], AfterValidator(check_direction)]
 Unit = Annotated[float, Field(ge=1e-9, le=1e6), BeforeValidator(parse_unit)]
 Share = Annotated[float, BeforeValidator(parse_share)]
 NONE: Mapping[str, Any] = MappingProxyType({})
 Frontage = Annotated[float, Field(ge=5.0, le=100.0)]
 Height = Annotated[float, Field(ge=4.0, le=60.0)]
-
-
-def _is_direction(up: Direction) -> bool:
-    """Return whether a vector is neither 0, nor so short or long that squares are."""
-    return 1e-100 < max(map(abs, up)) < 1e100
 
 
 class ReadOptions(Table):
@@ -162,16 +164,9 @@ class SegmentSettings(Table):
     min_points: int = key(50, "", "smaller patches are dropped", ge=0, le=int(LARGEST))
     min_extent: float | None = key(None, "m", "narrower patches are dropped", ge=0, le=LARGEST)
     surfaces: Annotated[tuple[SurfaceKind, ...], BeforeValidator(split_words)] = key(
-        ("upright", "level"), "", "judged: upright, level, tilted, curved surfaces; by commas", "KIND,..."
+        ("upright", "level"), "", "judged: upright, level, tilted, curved surfaces; by commas", "KIND,...", min_length=1
     )
     up: Direction = key((0.0, 0.0, 1.0), "", "the vertical, of any length")
-
-    def check(self) -> None:
-        """Refuse a vertical without direction, and no surfaces at all."""
-        if not _is_direction(self.up):
-            raise SettingError("must not be 0 0 0, nor so short or long that squares are", "up")
-        if not self.surfaces:
-            raise SettingError("must name one kind of surface at least", "surfaces")
 
 
 class FeatureSettings(Table):
@@ -192,11 +187,6 @@ class FeatureSettings(Table):
     spacing: float | None = key(None, "m", "between points", gt=0, lt=LONGEST)
     up: Direction | None = key(None, "", "direction of the z axis of equation 7")
     context: tuple[Context, ...] = key(CONTEXTS, "", "groups of context features: outlines, moments, rays, copies")
-
-    def check(self) -> None:
-        """Refuse a vertical without direction."""
-        if self.up is not None and not _is_direction(self.up):
-            raise SettingError("must not be 0 0 0, nor so short or long that squares are", "up")
 
     def tolerance_at(self, noise: float) -> float:
         """Return the distance in metres from which surfaces count as doubled: that given, more where noise is."""

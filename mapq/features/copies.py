@@ -80,10 +80,10 @@ def copy_columns(nearby: Nearby, shapes: PatchShapes, settings: FeatureSettings)
 
     `nearby`: all finite points of the cloud.
 
-    Of the motion that moves the patches about onto layers like copies best, a horizontal one of upright patches or a
-    vertical one of other planes: the likeness of what it moves (support), that without this very patch (others), what it
-    has more than the median motion (clear), the likeness of this patch's own layer there (own), how far it moves along
-    the normal of the patch (along) and its length, metres.
+    Of the motion that moves the patches about onto layers like copies best, a horizontal one of upright planes or a
+    vertical one of other planes: the likeness of what it moves (support), that without this very patch (others), what
+    it has more than the median motion (clear), the likeness of this patch's own layer there (own), how far it moves
+    along the normal of the patch (along) and its length, metres.
     """
     step = 0.5 * shapes.tolerance(settings)
     half = int(np.ceil(FARTHEST / step))
