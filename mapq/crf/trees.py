@@ -62,9 +62,6 @@ OF_SCANS = (
     *(*NODE_COLUMNS["moments"], "over_facing_away"),
 )
 """Columns that are not known where it is not known when and from where a map was seen."""
-OF_POINTS = (TOLERANCE, "along_ratio", "shift_support", "shift_others", "shift_clear", "shift_own")
-"""Columns that trees see of a map whose scans are not known, where there are other maps whose scans are: the shapes of
-patches and pairs say more of a training map, and less of one of another kind."""
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -186,7 +183,7 @@ def grow(columns: Sequence[Columns], labels: Sequence[Floats], weights: Sequence
     at = names.index(KNOWS_SCANS) if KNOWS_SCANS in names else None
     knows = [at is not None and bool(np.isfinite(each.values[:, at]).any()) for each in columns]
     found = []
-    for kind, used in ((True, names), (False, tuple(name for name in names if name in OF_POINTS))):
+    for kind, used in ((True, names), (False, tuple(name for name in names if name not in OF_SCANS))):
         rows = [number for number, known in enumerate(knows) if known == kind]
         mine = [labels[number] for number in rows]
         if len(np.unique(np.sign(np.concatenate([*mine, [0.0]])))) < 3:  # no labels of both kinds

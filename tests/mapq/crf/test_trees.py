@@ -12,7 +12,6 @@ from mapq.crf.trees import (
     LEFT_OUT,
     LOW_RATIO,
     MOST_SURE,
-    OF_POINTS,
     OF_SCANS,
     OFFSET_RATIO,
     SHARES,
@@ -157,7 +156,7 @@ def test_maps_of_points_alone_have_trees_of_their_own():
     labels = [np.random.default_rng(seed).choice([-1.0, 0.0, 1.0], 60) for seed in range(8)]
     weights = [np.ones(60)] * 8
     both = grow([*seen, *bare], labels, weights)
-    names = tuple(name for name in seen[0].names if name in OF_POINTS)
+    names = tuple(name for name in seen[0].names if name not in OF_SCANS)
     alone = grow([each.take(names) for each in bare], labels[4:], weights[4:])
     known = grow(seen, labels[:4], weights[:4])
     for one, other in zip(seen, bare, strict=True):
