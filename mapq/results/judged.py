@@ -34,7 +34,7 @@ class Judged(NamedTuple):
     probability: Floats  # (n,)
     disagreement: Floats  # (n,) metres by which scans disagree on each point's patch; nan where that is not known
     error: Floats  # (n,) its standard error
-    coverage: float  # share of the points on planes of any tilt that are in patches; nan where that is not known
+    coverage: float  # share of the points on planes of any kind that are in patches; nan where that is not known
     tolerance: float  # metres at which it is judged
     source: str
 

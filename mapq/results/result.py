@@ -264,7 +264,7 @@ class Result:
         fail_over : float, optional
             Largest share of the area that may be suspicious, such as 0.05.
         min_coverage : float
-            Share of the points on planes of any tilt that must be in judged patches, where that is known.
+            Share of the points on planes of any kind that must be in judged patches, where that is known.
         fail_apart : float, optional
             Metres by which scans may disagree in the median; a map whose scans are not known does not pass.
 

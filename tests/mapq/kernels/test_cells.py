@@ -149,7 +149,7 @@ def test_robust_normals_between_two_copies_of_a_wall(offset: float) -> None:
     normal, spread = normals(xyz, found)
     plain = np.abs(normal[:, 1]) > np.cos(np.radians(15))
     variance = spread[:, 0].copy()
-    robust_normals(xyz, np.ones(len(xyz), bool), found, 28, 28, 0.05, 0.3, normal, variance)
+    robust_normals(xyz, np.arange(len(xyz)), np.ones(len(xyz), bool), found, 28, 28, 0.05, 0.3, normal, variance)
     robust = np.abs(normal[:, 1]) > np.cos(np.radians(15))
     assert robust.mean() > max(0.6, 1.1 * plain.mean())
 
