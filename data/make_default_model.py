@@ -47,7 +47,7 @@ CITIES: tuple[tuple[int, float, float, dict[str, Any]], ...] = (
     (117, 0.010, 0.0, BUSY | SPARSE),
     (119, 0.030, 0.0, LOOK_ALIKES | SPARSE),
 )
-MOST_FALSE_ALARMS = 0.02
+MOST_FALSE_ALARMS = 0.03
 """Of the plausible patches that were kept out."""
 
 
