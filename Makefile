@@ -21,7 +21,7 @@ $(STAMP): pyproject.toml constraints.txt
 demo: setup ## map four rooms until the chains agree, assess a town; leaves a page of each in demo/
 	$(BIN)/prf sample --laser data/demo-rooms.log.gz --seed 1 -o demo/rooms --force
 	$(BIN)/prf report demo/rooms --force
-	$(BIN)/mapq classify data/demo-town.ply.gz -o demo/town.ply --force
+	$(BIN)/mapq classify data/demo-town.ply.gz -o demo/town.ply --tolerance 0.1 --force
 	$(BIN)/mapq evaluate demo/town.ply
 	$(BIN)/mapq report demo/town.ply -o demo/town.html --force
 	@echo "open demo/rooms.html and demo/town.html in a browser"
