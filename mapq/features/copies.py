@@ -96,9 +96,9 @@ def copy_columns(nearby: Nearby, shapes: PatchShapes, settings: FeatureSettings)
 
 def thinness(found: LayersOver) -> Floats:
     """Return by how much layers (m, k) are denser than what lies before and behind them: 1 alone, 0 no more."""
-    wide = np.pad(found.count, ((0, 0), (2, 2)))
-    around = wide[:, :-4] + found.count + wide[:, 4:]
-    return np.clip(1.5 * found.count / np.maximum(around, 1.0) - 0.5, 0.0, 1.0)
+    wide = np.pad(found.n_points, ((0, 0), (2, 2)))
+    around = wide[:, :-4] + found.n_points + wide[:, 4:]
+    return np.clip(1.5 * found.n_points / np.maximum(around, 1.0) - 0.5, 0.0, 1.0)
 
 
 def outline_match(found: LayersOver, n_own: Ints) -> Floats:
@@ -109,7 +109,7 @@ def outline_match(found: LayersOver, n_own: Ints) -> Floats:
     """
     cells, rim = np.maximum(found.n_cells, 1.0)[:, None], np.maximum(found.n_rim, 1.0)[:, None]
     own = found.rim[:, [found.rim.shape[1] // 2]] / rim / (np.maximum(n_own, 1)[:, None] / cells)
-    going_on = (found.rim + 1.0) / rim / np.maximum(found.count / cells, 1e-9)
+    going_on = (found.rim + 1.0) / rim / np.maximum(found.n_points / cells, 1e-9)
     return np.clip(1.0 - (going_on - own), 0.0, 1.0)
 
 

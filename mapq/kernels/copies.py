@@ -88,7 +88,7 @@ class LayersOver(NamedTuple):
     """Layers over patches (m, layers), from behind to before each."""
 
     cover: Floats  # share of the patch's occupied cells in which the layer has points
-    count: Floats  # its points over these
+    n_points: Floats  # its points over these
     rim: Floats  # and over the rim
     n_cells: Floats  # (m,) occupied cells
     n_rim: Floats  # (m,) and those of the rim

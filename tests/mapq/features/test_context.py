@@ -256,7 +256,7 @@ def test_layers_agree_with_the_definition():
         for layer in range(n_slices - 1):
             inside = np.flatnonzero(~own & ((place == layer) | (place == layer + 1)))
             hit = [cells[k] for k in inside if cells[k] in occupied]
-            assert found.count[i, layer] == len(hit)
+            assert found.n_points[i, layer] == len(hit)
             assert found.rim[i, layer] == sum(cells[k] in rim for k in inside)
             assert found.cover[i, layer] == pytest.approx(len(set(hit)) / len(occupied))
 
