@@ -142,7 +142,7 @@ def draw_rooms(folder: Path) -> None:
 def draw_town(folder: Path) -> None:
     """Make the picture of the classified town, and that of its report."""
     result, report = folder / "demo-town.ply", folder / "report.html"
-    call(mapq.cli, "classify", TOWN, "-o", result, "-q")
+    call(mapq.cli, "classify", TOWN, "-o", result, "--tolerance", 0.1, "-q")
     call(mapq.cli, "render", result, "-o", IMAGES / "demo-town.png", "--force", "-q")
     shrink(IMAGES / "demo-town.png")
     call(mapq.cli, "report", result, "-o", report, "-q")

@@ -220,8 +220,10 @@ def said(row: Map, label: list[int], score: list[float], metres: list[float]) ->
     known = np.column_stack([values - 0.1, values, values + 0.1])
     scores = {unseen.MODEL: values}
     at = {t: Labelling(called.astype(np.uint8), values.astype(np.float32), values) for t in unseen.TOLERANCES}
+    of_kind = np.zeros(n, np.uint8), np.full(n, 1.0 / n)
+    share = float(called.mean())
     return unseen.Said(
-        row, np.array(label), plain, np.ones(n), called, values, scores, float(called.mean()), 1.0, points, known, at
+        row, np.array(label), plain, np.ones(n), called, values, scores, share, 1.0, *of_kind, points, known, at
     )
 
 
@@ -232,8 +234,11 @@ def test_a_set_is_summed_up_by_density():
         Map("a-halves", "a", "wrong", "halves", 1.0, 1), [bad] * 6 + [none] * 4, [0.9] * 5 + [0.3] * 5, [0.9] * 10
     )
     sparse = said(Map("a-halves-6", "a", "wrong", "halves", 1.0, 1, 6), [bad] * 6, [0.9] * 3 + [0.3] * 3, [np.nan] * 6)
-    found = unseen.summary([right, wrong, sparse])
+    found = unseen.summary([right, wrong, sparse], unseen.SCANS)
     assert found["role"] == "judging"
+    upright = found["surfaces"]["upright"]
+    assert (upright["n_far"], upright["n_right"], upright["alarms"]) == (10, 10, 0.1)
+    assert upright["found"] == 0.5
     assert found["false_alarms"] == {1: {"n": 10, "patches": 0.1, "area": 0.1}}
     rank = found["ranks"][1]
     assert (rank["n"], rank["recall_shipped"], rank["alarms_shipped"]) == (16, pytest.approx(5 / 6), 0.1)
