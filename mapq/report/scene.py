@@ -37,6 +37,10 @@ _ODD = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9, 0x2
 Floats = NDArray[np.float64]
 
 
+LEAST_FILLED = 0.5
+"""Of its hull that a patch fills which is drawn with its outline: streets round a block are no polygon of its size."""
+
+
 class PageScene(NamedTuple):
     """Points and outlines of patches."""
 
@@ -97,7 +101,7 @@ def outlines(xyz: Floats, start: NDArray[np.int64], normal: Floats) -> tuple[Flo
     """Return the corners (h, 3) of the outlines of m patches, and where (m + 1,) each one's begin.
 
     `xyz` (n, 3): points, patch after patch. `start` (m + 1,): where each patch's points begin. `normal` (m, 3): A patch
-    whose normal is not finite, or whose points lie on a line, has no outline.
+    whose normal is not finite, whose points lie on a line, or that fills little of its hull, has no outline.
     """
     n_patches = len(start) - 1
     counts = np.diff(start)
@@ -112,8 +116,25 @@ def outlines(xyz: Floats, start: NDArray[np.int64], normal: Floats) -> tuple[Flo
     # A corner that is outermost in several directions counts once; these directions are consecutive.
     new = (corner != np.roll(corner, 1, axis=1)) & (corner >= 0)
     new[new.sum(axis=1) < 3] = False
+    new[_filling(u, v, start, owner, corner) < LEAST_FILLED] = False
     begin = np.concatenate([[0], np.cumsum(new.sum(axis=1))]).astype(np.int64)
     return xyz[corner[new]], begin
+
+
+def _filling(
+    u: Floats, v: Floats, start: NDArray[np.int64], owner: NDArray[np.int64], corner: NDArray[np.int64]
+) -> Floats:
+    """Return the share (m,) of their hulls that patches fill, by cells that hold four points in the mean.
+
+    `u`, `v` (n,): places of the points, of the patches `owner`; `corner` (m, k): numbers of the corners of their hulls.
+    """
+    x, y = u[corner], v[corner]
+    hull = 0.5 * np.abs((x * np.roll(y, -1, axis=1) - y * np.roll(x, -1, axis=1)).sum(axis=1))
+    side = np.maximum(2.0 * np.sqrt(hull / np.maximum(np.diff(start), 1)), 1e-9)
+    cells = np.unique(np.column_stack([owner, *(np.floor(each / side[owner]) for each in (u, v))]), axis=0)
+    return np.asarray(
+        np.bincount(cells[:, 0].astype(np.int64), minlength=len(hull)) * side**2 / np.maximum(hull, 1e-12)
+    )
 
 
 def _axes(normal: Floats) -> tuple[Floats, Floats]:
