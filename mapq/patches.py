@@ -47,10 +47,11 @@ def surface_kinds(
     """
     direction = np.asarray(up, np.float64)
     lean = np.abs(normal @ (direction / np.linalg.norm(direction)))
-    names = np.where(lean <= STEEP, "upright", np.where(lean >= FLAT, "level", "tilted"))
+    upright, level, tilted, curved = range(len(SURFACES))
+    kinds = np.where(lean <= STEEP, upright, np.where(lean >= FLAT, level, tilted))
     if bend is not None:
-        names = np.where(bend.any(axis=1), "curved", names)
-    return np.array([SURFACES.index(name) for name in names.tolist()], np.uint8)
+        kinds = np.where(bend.any(axis=1), curved, kinds)
+    return kinds.astype(np.uint8)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

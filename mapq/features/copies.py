@@ -1,9 +1,8 @@
 """Copies of surfaces by points alone: second layers over a patch, and the small motion that explains a neighbourhood's.
 
-Without scans, times or rays it is unknown when a point was seen. Geometry is left: whether a thin layer covers
-a patch at some distance, and whether one motion explains the layers of many patches about it. Lengths are in
-tolerances: what noise explains, and covers in cells as large as the patch's own points need, so that density does not
-matter.
+Without scans, times or rays it is unknown when a point was seen. Geometry is left: whether a layer over a patch is like
+a copy of it, and whether one motion explains the layers of many patches about it. Layers are as thick as the tolerance,
+which holds what noise explains, and cells as large as the patch's own points need, so that density does not matter.
 """
 
 from __future__ import annotations

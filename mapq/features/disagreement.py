@@ -21,7 +21,7 @@ from mapq.features.copies import FARTHEST
 from mapq.features.scan_ranges import Disagreement, Window, jacobian_of, normals_round, write_ranges
 from mapq.features.shape import PatchShapes
 from mapq.kernels.scan_layers import Motions, find_layers, find_sightings
-from mapq.kernels.scan_motions import fit_motions, match_scans
+from mapq.kernels.scan_motions import SHOWS, fit_motions, match_scans
 from mapq.kernels.scan_views import find_views
 from mapq.kernels.voxels import Nearby, voxel_keys
 from mapq.patches import Patches
@@ -153,8 +153,6 @@ INFLATION = 4.0
 """Of the variances of motions: residuals of neighbouring cells go together."""
 ROUNDS = (2.0, 1.0)
 """Widths of a layer, in times that of noise, of the rounds in which sightings are looked for and motions fitted."""
-SHOWS = 0.5
-"""|up . n| from which a patch shows how scans rise."""
 STILL = Motions(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 6)))
 """No scan is moved."""
 PATCH, CELL, MOMENT, PLACE, HEIGHT, N_POINTS, SQUARES = 0, 1, 2, slice(3, 6), 6, 7, 8
