@@ -92,13 +92,13 @@ def classify(
 ) -> None:
     """Label the patches of a map plausible or suspicious, with reasons.
 
-    Suspicious is what scans, or copies of a surface, put farther apart than the tolerance. RESULT.ply (or .las, .laz)
-    has all points with all their fields, and patch, suspicious (0, 1, 255 = no patch), p_suspicious and colours:
-    plausible blue, suspicious red. RESULT.json beside it has the regions of connected suspicious patches, worst first,
-    and each patch with reasons in words and the terms behind them. Where points have a scan, a time or a pass, each
-    suspicious patch has a cause too: a missed loop closure, or a local mapping error; of scans with poses a wrong edge
-    or scan, drift, or a missed loop closure. Default output: the stem of the input, or the folder of the scans, +
-    .classified.ply.
+    Suspicious is what scans, or copies of a surface, put farther apart than the tolerance. RESULT (PLY, LAS, LAZ, PCD,
+    XYZ or CSV, by its suffix) has all points with all their fields, and patch, suspicious (0, 1, 255 = no patch),
+    p_suspicious and colours: plausible blue, suspicious red. RESULT.json beside it has the regions of connected
+    suspicious patches, worst first, and each patch with reasons in words and the terms behind them. Where points have a
+    scan, a time or a pass, each suspicious patch has a cause too: a missed loop closure, or a local mapping error; of
+    scans with poses a wrong edge or scan, drift, or a missed loop closure. The default output is beside the input,
+    my.classified.laz of my.laz; of PATCHES, scans and formats that are not written, such as E57, it is a PLY.
 
     Scans are merged where their poses put them, and the result knows which scan saw what and from where, by which far
     more errors are found. It names scans that the others want elsewhere, and of poses in g2o the edges that are wrong.
@@ -111,7 +111,6 @@ def classify(
     from mapq.io.tiles import is_tiled
     from mapq.results.verdict import MIN_COVERAGE
     from prf.shell.cli import console, storage
-    from prf.shell.cli.files import STREAM
 
     least = MIN_COVERAGE if min_coverage is None else min_coverage
     limits = {"fail_over": fail_over, "min_coverage": least, "fail_apart": fail_apart}
@@ -122,7 +121,7 @@ def classify(
         target = output or _tiled_target(file)
         result = _classify_tiles(file, target, model, settings, limits, force)
     else:
-        target = output or default_name(inputs if file != STREAM else ["map"], ".classified.ply")
+        target = output or _target(inputs)
         result = _classify(inputs, as_scans, model, target, settings, force, graph_out)
         result.save(target, force=True, **limits)
     if json:
@@ -254,7 +253,18 @@ def _tiled_target(file: str) -> str:
 
     if file == STREAM:
         raise UsageError("a map in tiles is read more than once. Name a file or a folder, not standard input.")
-    return default_name([file], ".classified" if os.path.isdir(file) else ".classified.ply")
+    return default_name([file], ".classified") if os.path.isdir(file) else _target([file])
+
+
+def _target(inputs: list[str]) -> str:
+    """Return the default output of one map: of a file in its format where that is written, else a PLY."""
+    from mapq.io.write import written_suffix
+    from prf.shell.cli.files import STREAM
+
+    if inputs[0] == STREAM:
+        return "map.classified.ply"
+    is_file = len(inputs) == 1 and not os.path.isdir(inputs[0])
+    return default_name(inputs, ".classified" + (written_suffix(inputs[0]) if is_file else ".ply"))
 
 
 def _check(file: str, result: Result, limits: Mapping[str, Any]) -> None:

@@ -30,6 +30,8 @@ NUMBERS = "iuf"
 SCAN, TIME = "scan", "time"
 """Fields that number the scans of a file with several, and have their times in seconds."""
 
+COLOURS = ("red", "green", "blue")
+
 ORIGINAL = "original_"
 """Prefix of a cloud's own fields whose names a result needs."""
 

@@ -1,4 +1,4 @@
-"""PCD: text, binary and compressed (LZF, the extra `pcd`).
+"""PCD: text, binary and compressed (LZF, the extra `pcd`) are read, binary is written.
 
 Header and layout are read here: pypcd4 takes a compressed field of COUNT > 1 for COUNT columns (PCL stores the field's
 values point by point) and ends a header after ten lines.
@@ -6,7 +6,10 @@ values point by point) and ends a header after ten lines.
 
 from __future__ import annotations
 
+import os
 import struct
+from collections.abc import Mapping
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -16,14 +19,18 @@ from scipy.spatial.transform import Rotation
 from mapq.cloud import PointCloud
 from mapq.configuration import ReadOptions
 from mapq.io.content import Content, damage_in_one_line
-from mapq.io.fields import Array, axes_of, columns_of, make_cloud, refuse_doubles
+from mapq.io.fields import COLOURS, Array, axes_of, columns_of, make_cloud, original_names, refuse_doubles
+from mapq.io.ply import vertex_rows
 from mapq.io.text import as_count, parse_rows
+from prf.shell.cli.files import open_output
 from prf.shell.errors import InputError, require
 
 LONGEST_HEADER = 1 << 16
 PADDING = "_"
 COMPRESSED = ("binary_compressed", "binaryscompressed")
 """The second spelling is that of an old program."""
+PACKED = "rgb"
+"""Field in which PCL and CloudCompare expect colours: red, green and blue in the bits of a float."""
 
 
 class PcdHeader(NamedTuple):
@@ -37,7 +44,7 @@ class PcdHeader(NamedTuple):
 
 
 def read_pcd(content: Content, options: ReadOptions) -> PointCloud:
-    """Return the cloud of a PCD file, without padding; a packed ``rgb`` keeps its bits.
+    """Return the cloud of a PCD file, without padding; a packed ``rgb`` keeps its bits, unless it repeats the colours.
 
     VIEWPOINT is not applied: it is where the sensor was, not a motion of the points. A folder of such files has its
     poses there (mapq.posed).
@@ -52,7 +59,50 @@ def read_pcd(content: Content, options: ReadOptions) -> PointCloud:
         fields = columns_of(np.frombuffer(data, header.dtype, header.n_points, header.end))
     else:
         fields = _read_compressed(data, header, source)
-    return make_cloud({name: fields[name] for name in kept}, source, options.unit or 1.0)
+    columns = {name: fields[name] for name in kept}
+    if {PACKED, *COLOURS} <= set(columns) and _bits(columns[PACKED]) == _bits(packed_colours(columns)):
+        del columns[PACKED]
+    return make_cloud(columns, source, options.unit or 1.0)
+
+
+def _bits(values: Array) -> bytes:
+    """Return the bits of numbers; those of a float that is no number count too."""
+    return np.ascontiguousarray(values).tobytes()
+
+
+def packed_colours(columns: Mapping[str, Array]) -> NDArray[np.float32]:
+    """Return red, green and blue (n,) of 8 bits as PCL packs them (n,)."""
+    red, green, blue = (columns[name].astype(np.uint32) for name in COLOURS)
+    return (red << 16 | green << 8 | blue).astype("<u4").view("<f4")
+
+
+def write_pcd(path: str | os.PathLike[str], cloud: PointCloud) -> None:
+    """Write a cloud as binary PCD, whole or not at all; ``-`` is standard output. OutputError if it cannot be written.
+
+    Types and names are as in PLY (:func:`mapq.io.ply.write_ply`). Colours of 8 bits are packed into ``rgb`` besides,
+    where viewers look for them; a field of this name that the cloud has gets the prefix `original_`.
+    """
+    if set(COLOURS) <= set(cloud.fields):
+        fields = original_names(cloud.fields, (PACKED,))
+        cloud = replace(cloud, fields={**fields, PACKED: packed_colours(fields)})
+    rows = vertex_rows(cloud)
+    types = [rows.dtype[name] for name in rows.dtype.names or ()]
+    kinds = ["I" if kind.kind == "i" else kind.kind.upper() for kind in types]
+    head = {
+        "VERSION": ["0.7"],
+        "FIELDS": rows.dtype.names or (),
+        "SIZE": [str(kind.itemsize) for kind in types],
+        "TYPE": kinds,
+        "COUNT": ["1"] * len(types),
+        "WIDTH": [str(len(rows))],
+        "HEIGHT": ["1"],
+        "VIEWPOINT": ["0 0 0 1 0 0 0"],
+        "POINTS": [str(len(rows))],
+        "DATA": ["binary"],
+    }
+    with open_output(path, binary=True) as stream:
+        stream.write("".join(f"{key} {' '.join(words)}\n" for key, words in head.items()).encode())
+        stream.write(rows.tobytes())
 
 
 def read_viewpoint(content: Content) -> NDArray[np.float64]:

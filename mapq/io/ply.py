@@ -18,7 +18,7 @@ from mapq.cloud import PointCloud
 from mapq.configuration import ReadOptions
 from mapq.io.content import Content
 from mapq.io.fields import Array, axes_of, columns_of, free_name, make_cloud, refuse_doubles, scalar_columns
-from mapq.io.text import parse_rows
+from mapq.io.text import LARGEST_EXACT, parse_rows
 from prf.shell.cli.files import open_output
 from prf.shell.errors import InputError, OutputError
 
@@ -39,9 +39,6 @@ TYPES = {
     **{np.dtype(code).name: code for code in (*WRITTEN, "i8", "u8")},
 }
 """Types of the format, both spellings; the 64-bit integers are not in it, but PDAL writes them."""
-
-LARGEST_EXACT = 2**53
-"""Whole numbers up to here are exact in double precision."""
 
 
 class Element(NamedTuple):

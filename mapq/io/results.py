@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from mapq.cloud import PointCloud
 from mapq.io.content import damage_in_one_line
-from mapq.io.fields import original_names
+from mapq.io.fields import COLOURS, original_names
 from mapq.io.write import check_name, write_cloud
 from mapq.labels import PLAUSIBLE, SUSPICIOUS, UNLABELLED
 from prf.shell.cli.files import STREAM, atomic_write, open_input, together
@@ -38,7 +38,6 @@ CLOUD_UNIT = "cloud_unit"
 PATCH, LABEL, PROBABILITY = "patch", "suspicious", "p_suspicious"
 RESULT_FIELDS = (PATCH, LABEL, PROBABILITY)
 """The fields that make a cloud a result."""
-COLOURS = ("red", "green", "blue")
 CAUSE = "cause"
 """Of maps whose points have times."""
 
@@ -51,7 +50,7 @@ def json_beside(path: str) -> str:
         return path
     beside = str(Path(path).with_suffix(".json")) if path != STREAM else STREAM
     if beside in (path, STREAM):
-        raise UsageError("a result is two files, a PLY and a JSON of the same name. Name the PLY with -o RESULT.ply.")
+        raise UsageError("a result is a cloud and a JSON of the same name. Name the cloud with -o RESULT.ply.")
     return beside
 
 

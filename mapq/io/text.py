@@ -9,6 +9,7 @@ as in PTS.
 from __future__ import annotations
 
 import io
+import os
 import re
 import warnings
 from typing import Any, NamedTuple
@@ -18,9 +19,25 @@ import numpy as np
 from mapq.cloud import PointCloud
 from mapq.configuration import ReadOptions
 from mapq.io.content import Content
-from mapq.io.fields import Array, axes_of, columns_of, make_cloud, refuse_doubles, warn_dropped
+from mapq.io.fields import (
+    Array,
+    axes_of,
+    columns_of,
+    free_name,
+    make_cloud,
+    refuse_doubles,
+    scalar_columns,
+    warn_dropped,
+)
+from prf.shell.cli.files import open_output
 from prf.shell.errors import InputError
 
+TEXT_SUFFIXES = (".csv", ".xyz", ".txt", ".asc")
+"""Of text that is written: rows separated by commas in the first, by blanks in the others."""
+LARGEST_EXACT = 2**53
+"""Whole numbers up to here are exact in double precision."""
+CHUNK = 100_000
+"""Rows that are converted to text at once."""
 UNIT_TOL = 1e-3
 """By how much the length of rows of a rotation may differ from 1."""
 _SLASHES = re.compile(rb"//[^\r\n]*")
@@ -111,6 +128,34 @@ def read_text(content: Content, options: ReadOptions) -> PointCloud:
             f"remove that line."
         )
     return make_cloud(columns_of(rows), source, options.unit or 1.0)
+
+
+def write_text(path: str | os.PathLike[str], cloud: PointCloud) -> None:
+    """Write a cloud as text, whole or not at all. OutputError if it cannot be written.
+
+    Under a header, which in rows separated by blanks is the comment ``//x y z ...`` of CloudCompare. Numbers have all
+    the digits that they need to be read back to the last bit; columns of whole numbers have no decimals.
+    """
+    columns: dict[str, Array] = {name: values for name, values in zip("xyz", cloud.world().T, strict=True)}
+    for name, values in cloud.fields.items():
+        for part, column in scalar_columns(name, values):
+            columns[free_name(part.replace(",", "_").replace(";", "_"), columns)] = _shortest(column)
+    separator = "," if os.fspath(path).lower().endswith(".csv") else " "
+    with open_output(path) as stream:
+        stream.write(("" if separator == "," else "//") + separator.join(columns) + "\n")
+        for begin in range(0, len(cloud), CHUNK):
+            cells = [values[begin : begin + CHUNK].astype(str).tolist() for values in columns.values()]
+            stream.writelines(separator.join(row) + "\n" for row in zip(*cells, strict=True))
+
+
+def _shortest(values: Array) -> Array:
+    """Return numbers as integers where all of them are whole, as text is read as double precision throughout."""
+    if values.dtype.kind == "b":
+        return values.astype(np.uint8)
+    if values.dtype.kind != "f" or not (np.isfinite(values) & (np.abs(values) < LARGEST_EXACT)).all():
+        return values
+    whole = values.astype(np.int64)
+    return whole if whole.astype(values.dtype).tobytes() == values.tobytes() else values
 
 
 def _are_poses(values: Array) -> bool:

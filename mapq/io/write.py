@@ -1,11 +1,11 @@
-"""Writing a cloud in the format of its name: PLY, or LAS and LAZ under the header of the LAS file that it came from."""
+"""Writing a cloud in the format of its name: PLY, PCD, text, or LAS and LAZ under the header of its source in LAS."""
 
 from __future__ import annotations
 
 import io
 import logging
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from importlib.util import find_spec
 from typing import IO, TYPE_CHECKING, Any
@@ -14,11 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapq.cloud import PointCloud
-from mapq.io.content import damage_in_one_line
-from mapq.io.fields import Array, free_name, scalar_columns
+from mapq.io.content import damage_in_one_line, suffix_of
+from mapq.io.fields import COLOURS, Array, free_name, scalar_columns
+from mapq.io.pcd import write_pcd
 from mapq.io.ply import write_ply
+from mapq.io.text import TEXT_SUFFIXES, write_text
 from prf.shell.cli.files import open_output
-from prf.shell.cli.outputs import refuse_other_format
+from prf.shell.cli.outputs import FORMATS, refuse_other_format
 from prf.shell.errors import OutputError, UsageError, install_hint
 
 if TYPE_CHECKING:
@@ -28,12 +30,17 @@ if TYPE_CHECKING:
 logger = logging.getLogger(__name__)
 
 LAS_SUFFIXES = (".las", ".laz")
+WRITERS: Mapping[str, Callable[[str | os.PathLike[str], PointCloud], None]] = {
+    ".ply": write_ply,
+    ".pcd": write_pcd,
+    **dict.fromkeys(TEXT_SUFFIXES, write_text),
+}
+"""Writers of the other formats, by suffix; a name of none is that of a PLY."""
 
 FRESH_FORMAT = 7
 """Point format of clouds that are not from LAS: that of LAS 1.4 with time and colours."""
 WITH_COLOURS = {0: 2, 1: 3, 4: 5, 6: 7, 9: 10}
 """Point format that also has colours, of one that has none."""
-COLOURS = ("red", "green", "blue")
 TO_16_BITS = 257
 """Takes 0 to 255 to 0 to 65,535."""
 
@@ -52,7 +59,7 @@ RESERVED = ("x", "y", "z", "X", "Y", "Z")
 
 
 def write_cloud(path: str | os.PathLike[str], cloud: PointCloud) -> None:
-    """Write a cloud: as LAS under a name that ends on .las or .laz, else as PLY; ``-`` is standard output.
+    """Write a cloud in the format that the suffix of the name states, as PLY without one; ``-`` is standard output.
 
     Raises
     ------
@@ -62,19 +69,29 @@ def write_cloud(path: str | os.PathLike[str], cloud: PointCloud) -> None:
         As :func:`check_name`.
     """
     check_name(path)
-    if not os.fspath(path).lower().endswith(LAS_SUFFIXES):
-        write_ply(path, cloud)
+    suffix = suffix_of(os.fspath(path))
+    if suffix not in LAS_SUFFIXES:
+        WRITERS.get(suffix, write_ply)(path, cloud)
         return
     with open_las_pieces(path) as pieces:
         pieces.write(cloud)
+
+
+def written_suffix(path: str) -> str:
+    """Return the suffix of a copy of the cloud `path` that keeps its format, ``.ply`` where that is not written."""
+    suffix = suffix_of(path)
+    if suffix in WRITERS or suffix in LAS_SUFFIXES:
+        return suffix
+    if suffix in FORMATS:
+        logger.warning("%s: %s is read, not written; the default output is a PLY", path, suffix[1:].upper())
+    return ".ply"
 
 
 def check_name(path: str | os.PathLike[str]) -> None:
     """Raise UsageError for a format that is not written, or not without an extra, before the work begins."""
     if os.fspath(path).lower().endswith(".copc.laz"):
         raise UsageError(f"{path}: COPC is not written, only plain LAZ. Name a .laz without .copc.")
-    written = (".ply", *LAS_SUFFIXES)
-    refuse_other_format(path, written)
+    refuse_other_format(path, (*WRITERS, *LAS_SUFFIXES))
     if os.fspath(path).lower().endswith(LAS_SUFFIXES) and find_spec("laspy") is None:
         raise UsageError(f"{path}: LAS needs laspy. {install_hint('las')}, or name a .ply.")
 

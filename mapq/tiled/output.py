@@ -21,13 +21,15 @@ from mapq.cloud import PointCloud
 from mapq.io.ply import write_ply_pieces
 from mapq.io.results import claim_result, json_beside, result_lines
 from mapq.io.tiles import RESULT_JSON, MapFiles
-from mapq.io.write import LAS_SUFFIXES, open_las_pieces, write_cloud
+from mapq.io.write import LAS_SUFFIXES, WRITERS, open_las_pieces, write_cloud
 from prf.shell.cli.files import STREAM, atomic_write, together
 from prf.shell.cli.outputs import claim, claim_output
 from prf.shell.errors import InputError, OutputExists, UsageError
 from prf.shell.scheduler import Workers, open_pool
 
-CLOUD_SUFFIXES = (*LAS_SUFFIXES, ".ply")
+CLOUD_SUFFIXES = (*LAS_SUFFIXES, *WRITERS)
+IN_PIECES = (*LAS_SUFFIXES, ".ply")
+"""Formats that are written piece by piece."""
 COPC = ".copc.laz"
 
 
@@ -49,6 +51,8 @@ def plan_output(path: str, whole: MapFiles, is_tiled: bool, force: bool) -> Outp
     if path == STREAM:
         raise UsageError("a map in tiles cannot be written to standard output. Name a file or a folder with -o.")
     if not is_tiled or path.lower().endswith(CLOUD_SUFFIXES) or path == os.devnull:
+        if whole.heads[0].las_header and path.lower().endswith(CLOUD_SUFFIXES) and not path.lower().endswith(IN_PIECES):
+            raise UsageError(f"{path}: a map from LAS in tiles is written as LAS, LAZ or PLY. Name such a file.")
         claim_result(path, force)
         return Output(path, False, (path,) * len(whole.heads), json_beside(path))
     folder = Path(path)

@@ -79,6 +79,10 @@ def write_input(folder: Path, kind: str) -> str:
 KINDS = ("ply", "laz", "pcd", "e57", "ptx", *POSE_FILES, "viewpoint", "viewpoint in the map")
 
 
+KEPT = {"laz": ".laz", "pcd": ".pcd"}
+"""Formats of one file that are written too."""
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_two_commands_lead_to_a_page(kind: str, tmp_path, capsys, monkeypatch) -> None:
     """A newcomer classifies what there is, and looks at the report; where scans are known the error is found."""
@@ -86,7 +90,7 @@ def test_two_commands_lead_to_a_page(kind: str, tmp_path, capsys, monkeypatch) -
     name = write_input(tmp_path, kind)
     code, out, err = call(capsys, "classify", name)
     assert (code, len(out.splitlines()) <= 15) == (0, True), err
-    result = Path(f"{Path(name).stem}.classified.ply")
+    result = Path(f"{Path(name).stem}.classified{KEPT.get(kind, '.ply')}")
     assert out.splitlines()[-1] == f"result          {result} and .json"
     assert "of the points on planes: upright" in out
     assert call(capsys, "report", str(result))[0] == 0

@@ -24,19 +24,25 @@ from tests.readings.samples import player_laser, position
 
 Floats = NDArray[np.float64]
 
-OUTPUTS = ("-o", "--output")
+NO_INPUTS = ("-o", "--output", "--world")
+"""Options whose values are no files that are read."""
 OFFICE = ROOT / "data" / "demo-office.log.gz"
 SONAR_REACH = 3.5
 
 
-def bring(words: list[str], folder: Path) -> None:
-    """Make every file that a command names, that is not there, and that `MAKERS` know."""
+def bring(words: list[str], folder: Path, with_outputs: bool) -> None:
+    """Make every file that a command names, that is not there, and that `MAKERS` know.
+
+    `with_outputs`: also what another of our commands writes, for pages that begin in the middle of the work. Else a
+    name that an earlier command of the page did not write is missing, as it is for a reader.
+    """
     for before, word in pairwise(words):
         path = folder / word
-        if before in OUTPUTS or word.startswith("-") or path.exists():
+        if before in NO_INPUTS or word.startswith("-") or path.exists():
             continue
         for pattern, make in MAKERS:
             if re.fullmatch(pattern, word):
+                assert with_outputs or make not in WRITTEN, f"no command before has written {word}"
                 path.parent.mkdir(parents=True, exist_ok=True)
                 make(path)
                 break
@@ -219,6 +225,10 @@ def make_run_folder(path: Path) -> None:
     write_run(path, make_run(n_draws=12))
 
 
+def make_rooms(path: Path) -> None:
+    write_run(path, make_room_run())
+
+
 def make_ros_map(path: Path) -> None:
     """Write a room of 10 x 8 m as a ROS map."""
     pixels = np.full((80, 100), 254, np.uint8)
@@ -254,8 +264,10 @@ MAKERS: tuple[tuple[str, Callable[[Path], None]], ...] = (
     (r"city/", make_tiles),
     (r"(sonar|site|flips|robot)\.toml", make_settings),
     (r"office|ring|posterior|run", make_run_folder),
-    (r"rooms", lambda path: write_run(path, make_room_run())),
+    (r"rooms", make_rooms),
     (r"map\.yaml", make_ros_map),
     (r".*\.grid\.npz", make_grid),
 )
 """Names, in the order in which they are tried, and what makes such a file."""
+WRITTEN = (make_result, make_tiled_result, make_patches, make_run_folder, make_rooms, make_grid)
+"""Makers of what our own commands write."""

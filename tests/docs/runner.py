@@ -49,10 +49,13 @@ SCHEDULER = "tcp://10.0.0.1:8786"
 
 
 class Runner:
-    """Runs commands one after the other and counts them."""
+    """Runs commands one after the other and counts them.
 
-    def __init__(self, folder: Path, capsys, scheduler: Callable[[], str], as_is: bool) -> None:
-        self.folder, self.capsys, self.scheduler = folder, capsys, scheduler
+    `as_is`: with the options of the page alone. `is_whole`: the page leaves out no command that writes what it uses.
+    """
+
+    def __init__(self, folder: Path, capsys, scheduler: Callable[[], str], as_is: bool, is_whole: bool) -> None:
+        self.folder, self.capsys, self.scheduler, self.is_whole = folder, capsys, scheduler, is_whole
         self.added = {} if as_is else ADDED
         self.n_run = self.code = 0
 
@@ -87,7 +90,7 @@ class Runner:
         )
         if SCHEDULER in words:
             words[words.index(SCHEDULER)] = self.scheduler()
-        bring(words, self.folder)
+        bring(words, self.folder, not self.is_whole)
         if _is_by_hand(words):
             words.append("--no-browser")
             threading.Thread(target=_stop_serving, daemon=True).start()

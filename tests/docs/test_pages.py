@@ -54,14 +54,18 @@ def scheduler(request: pytest.FixtureRequest) -> Callable[[], str]:
 
 
 @pytest.mark.parametrize(
-    "name", [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in WITH_COMMANDS]
+    ("name", "start"),
+    [(name, "") if name in QUICK else pytest.param(name, "", marks=pytest.mark.slow) for name in WITH_COMMANDS]
+    + [("README.md", "mapq ")],
 )
 def test_commands_of_a_page_run(
-    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys, scheduler: Callable[[], str], name: str
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys, scheduler: Callable[[], str], name: str, start: str
 ) -> None:
+    """Run the commands of a page that begin so; of README those of mapq also by themselves, which is quick."""
     monkeypatch.chdir(folder)
-    runner = Runner(folder, capsys, scheduler, "tutorials" in name)
-    commands = commands_of(WITH_COMMANDS[name], name)
+    is_tutorial = "tutorials" in name
+    runner = Runner(folder, capsys, scheduler, is_tutorial, is_tutorial or name == "README.md")
+    commands = [each for each in commands_of(WITH_COMMANDS[name], name) if each.text.startswith(start)]
     for command, follower in zip(commands, [*commands[1:], None], strict=True):
         runner.run(command, follower)
 
