@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -13,6 +13,7 @@ from prf.shell.cli.settings import Loaded
 
 if TYPE_CHECKING:
     from prf.model.window import Window
+    from prf.poses.inputs import Inputs
     from prf.readings import Kind, Readings
     from prf.readings.describe import LogSummary
 
@@ -28,10 +29,12 @@ EXAMPLES = (
 )
 
 
-Log = Annotated[
-    str,
+Files = Annotated[
+    list[str],
     typer.Argument(
-        metavar="LOG", help="CARMEN or Player log, ROS bag or CSV table, also gzipped; - is standard input."
+        metavar="LOG|FILES...",
+        help="CARMEN or Player log, ROS bag, CSV table, or ranges a row a scan; with it files of poses and odometry. "
+        "Text, .npy, .npz, .mat, also gzipped; - is standard input.",
     ),
 ]
 Sonar = Annotated[bool, typer.Option("--sonar", help="The sonar readings.  [laser if there are any, else sonar]")]
@@ -40,7 +43,7 @@ PointData = Annotated[bool, typer.Option("--point-data", help="LOG has values at
 
 @with_settings(Configuration, *(f"readings.{name}" for name in READ))
 def info(
-    log: Log,
+    files: Files,
     *,
     sonar: Sonar = False,
     point_data: PointData = False,
@@ -49,50 +52,94 @@ def info(
 ) -> None:
     """Show what is in a log: scans, beams, extent, ranges, and what looks suspicious.
 
-    -v prints all lines and notes. Suspicious are poses that jump or by which scans disagree, clocks that do not run,
-    ranges that are error codes, lines of unknown kinds. Whether loops are closed is not checked: look at the map for
-    that.
+    Of several files, or of one that is no log by itself, it says what each is, what is missing, and the command that
+    maps them. -v prints all lines and notes. Suspicious are poses that jitter, jump or by which scans disagree, clocks
+    that do not run, ranges that are error codes, lines of unknown kinds. Whether loops are closed is not checked: look
+    at the map for that.
     """
-    from prf.readings import describe, read_readings
-    from prf.sampler.prepare import given_poses
+    from prf.poses.inputs import sort_files
     from prf.shell.cli import console, storage
     from prf.shell.errors import UsageError
 
     if point_data:
-        _tell_points(log, json)
+        _tell_points(files[0], json)
         return
-    if len(settings.settings.readings.poses) > 1:
-        raise UsageError("--poses: one log has the poses of one file. Give one.")
-
-    kind: Kind | None = "sonar" if sonar else None
     chosen = settings.settings.readings
-    poses = next(iter(given_poses(chosen)), None)
-    readings = read_readings(
-        log, kind, topic=chosen.topic, frame=chosen.frame, poses=poses, beam_angles=chosen.beam_angles
-    )
-    summary = _with_pose_error(describe(readings, log), readings)
-    if json:
-        storage.emit_object("prf.info/1", storage.jsonable(summary))
+    if len(chosen.poses) > 1:
+        raise UsageError("--poses: one log has the poses of one file. Give one.")
+    found = sort_files([*files, *(each for each in chosen.poses if each not in files)])
+    if chosen.beam_angles is not None:
+        found = found._replace(beam_angles=chosen.beam_angles)
+    rows = found.rows if len(found.rows) > 1 or found.missing else ()
+    if found.missing:
+        document = {"files": [{"name": name, "what": what} for name, what in found.rows], "missing": found.missing}
+        if json:
+            storage.emit_object("prf.info.files/1", {**document, "command": found.command("info")})
+            return
+        rows = (*rows, ("missing", found.missing), ("then", found.command("info")))
     else:
-        for line in _lines(summary):
-            console.emit(line)
+        summary = _summary(found, "sonar" if sonar else None, settings.settings)
+        if json:
+            storage.emit_object("prf.info/1", storage.jsonable(summary))
+            return
+        rows = (*rows, *_lines(summary), ("map it", summary.command))
+    for name, value in rows:
+        console.emit(f"{name:<15} {value}")
 
 
-def _with_pose_error(summary: LogSummary, readings: Readings) -> LogSummary:
-    """Return the summary with how far the poses of a laser err, and with what to do about it."""
+def _summary(found: Inputs, kind: Kind | None, config: Configuration) -> LogSummary:
+    """Return what is in a log, how far the poses of a laser err, and the command that maps it."""
     import dataclasses
 
     from prf.poses.given import given_errors
+    from prf.readings import describe
     from prf.readings.describe import Suspicion
 
-    if summary.kind == "sonar" or _is_nan(summary.max_range):
-        return summary
-    found = given_errors(readings.within(summary.max_range), Configuration().laser.noise)
-    if found is None:
-        return summary
-    advice = found.advice()
-    suspicions = (*summary.suspicions, *([Suspicion("pose-error", advice)] if advice else []))
-    return dataclasses.replace(summary, pose_error=(found.metres, found.radians), suspicions=suspicions)
+    readings, is_raw = _read(found, kind, config)
+    assert found.log is not None
+    summary, errors = describe(readings, found.log), None
+    suspicions = list(summary.suspicions)
+    if summary.kind == "laser" and not _is_nan(summary.max_range):
+        errors = given_errors(readings.within(summary.max_range), Configuration().laser.noise)
+    flags = "--odometry wheels" if is_raw or found.poses is None is not found.odometry else ""
+    if errors is not None:
+        flags = flags or errors.flags()
+        if found.odometry is not None and found.poses is not None:
+            flags = f"{flags} --odometry wheels".strip() if not errors.is_odometry else "--odometry wheels"
+        suspicions += [Suspicion("pose-error", advice)] if (advice := errors.advice()) else []
+        summary = dataclasses.replace(summary, pose_error=(errors.metres, errors.radians))
+    typed = "".join(f" --{name} {value}" for name in ("topic", "frame") if (value := getattr(config.readings, name)))
+    command = found.command(kind=summary.kind, flags=(flags + typed).strip())
+    return dataclasses.replace(summary, suspicions=tuple(suspicions), command=command)
+
+
+def _read(found: Inputs, kind: Kind | None, config: Configuration) -> tuple[Readings, bool]:
+    """Return the readings of a log, and whether it has no poses but raw odometry."""
+    from prf.readings import read_readings
+    from prf.sampler.prepare import given_poses
+    from prf.shell.cli.files import STREAM
+    from prf.shell.errors import InputError
+
+    assert found.log is not None
+    own = [found.poses or found.odometry] if found.poses or found.odometry else []
+    options = config.readings.replace(poses=tuple(own), beam_angles=found.beam_angles)
+    poses = next(iter(given_poses(options)), None)
+    how: dict[str, Any] = {
+        "topic": options.topic,
+        "frame": options.frame,
+        "poses": poses,
+        "beam_angles": options.beam_angles,
+    }
+    try:
+        return read_readings(found.log, kind, **how), False
+    except InputError:
+        if poses is not None or found.log == STREAM:
+            raise
+        try:
+            return read_readings(found.log, kind, odometry=True, **how), True
+        except InputError:
+            pass
+        raise
 
 
 def _tell_points(file: str, json: bool) -> None:
@@ -115,8 +162,8 @@ def _tell_points(file: str, json: bool) -> None:
         console.emit(f"{name:<16}{value}")
 
 
-def _lines(summary: LogSummary) -> Iterator[str]:
-    """Return the table for a person."""
+def _lines(summary: LogSummary) -> Iterator[tuple[str, str]]:
+    """Yield name and value of each row of the table for a person."""
     from prf.shell.cli import console
 
     rows = [row for row in _rows(summary) if console.is_verbose() or row[0] not in DETAILS]
@@ -125,8 +172,7 @@ def _lines(summary: LogSummary) -> Iterator[str]:
     room = len(notes) if console.is_verbose() else MOST_LINES - len(rows)
     if len(notes) > room:
         notes[room - 1 :] = [("", f"{len(notes) - room + 1} notes more: prf info -v")]
-    for name, value in (*rows, *notes):
-        yield f"{name:<16}{value}"
+    yield from (*rows, *notes)
 
 
 def _rows(summary: LogSummary) -> Iterator[tuple[str, str]]:

@@ -16,6 +16,7 @@ from prf.poses.plane import in_words, wrapped
 from prf.poses.scans import scans_of
 from prf.poses.start import FAR
 from prf.readings import Readings
+from prf.readings.steps import devices_of, jitter_of
 from prf.shell.errors import ConfigError
 
 MOST_SCANS = 250  # of a log that are compared, evenly
@@ -29,8 +30,8 @@ ADVISED = (0.04, 0.015)
 """Metres and radians from which on a map is better with poses that are sampled too (benchmarks/README.md)."""
 LEAST = (0.01, 0.002)
 """Metres and radians that poses are taken to err by at least, where it is not given."""
-FAR_OFF = 0.3
-"""Metres from which on poses may as well be raw odometry."""
+FAR_OFF, SMOOTH = 0.3, 0.4
+"""Metres from which on poses that jitter by less than this share of them are raw odometry."""
 
 
 logger = logging.getLogger(__name__)
@@ -41,21 +42,32 @@ class PoseErrors(NamedTuple):
 
     metres: float
     radians: float
+    jitter: float = math.inf  # metres that successive poses differ by independently, at most; inf: not known
 
     def words(self) -> str:
         """Return them for a person."""
         return in_words(self.metres, self.radians)
 
-    def advice(self) -> str:
-        """Return what to do about them; empty where they do little harm."""
+    def flags(self) -> str:
+        """Return the options by which they are sampled with the map; empty where they do little harm."""
         if self.metres < ADVISED[0] and self.radians < ADVISED[1]:
             return ""
-        flag = f"--pose-noise {self.metres:.2g} {self.radians:.2g}"
-        otherwise = ", or if they are raw odometry --odometry wheels" if self.metres > FAR_OFF else ""
+        return "--odometry wheels" if self.is_odometry else f"--pose-noise {self.metres:.2g} {self.radians:.2g}"
+
+    def advice(self) -> str:
+        """Return what to do about them; empty where they do little harm."""
+        if not self.flags():
+            return ""
+        why = ", though they run on smoothly, as raw odometry does" if self.is_odometry else ""
         return (
-            f"poses err by about {self.words()}, as scans disagree with one another: "
-            f"sample them with the map, prf sample {flag}{otherwise}"
+            f"poses err by about {self.words()}, as scans disagree with one another{why}: "
+            f"sample them with the map, prf sample {self.flags()}"
         )
+
+    @property
+    def is_odometry(self) -> bool:
+        """Whether poses err far, but not one by one: errors that add up along the way."""
+        return self.metres > FAR_OFF and self.jitter < SMOOTH * self.metres
 
 
 def given_errors(laser: Readings, noise: float) -> PoseErrors | None:
@@ -82,7 +94,8 @@ def given_errors(laser: Readings, noise: float) -> PoseErrors | None:
         if (found <= ROOM * held).all():
             break
         held = np.maximum(held, found / ROOM)
-    return PoseErrors(float(found[0]), float(found[1]))
+    jitter = max(jitter_of(pose).metres for pose in devices_of(laser.notes.scans))
+    return PoseErrors(float(found[0]), float(found[1]), jitter if jitter > 0.0 else math.inf)
 
 
 def pose_noise(

@@ -12,12 +12,12 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from prf.model.ranges import unit_vectors
 from prf.model.sensors import LARGEST_RANGE, SonarModel
 from prf.model.window import Window
 from prf.readings.readings import Kind, Readings, ScanTable
+from prf.readings.steps import OFF_MIDDLE, devices_of, jitter_of, jumps, listed
 from prf.readings.text import FloatArray
 
 MAX_RANGE_SHARE = 0.97
@@ -64,6 +64,7 @@ class LogSummary:
     suspicions: tuple[Suspicion, ...]  # what a person should look at before mapping
     # standard deviations of the poses of a laser, metres and radians, by which its scans disagree; None: not shown
     pose_error: tuple[float, float] | None = None
+    command: str = ""  # how to map it
 
 
 def describe(readings: Readings, path: str) -> LogSummary:
@@ -136,16 +137,11 @@ def _duration(time: FloatArray) -> float:
 
 logger = logging.getLogger(__name__)
 
-STEP = 1.0  # metres; a shorter step is never called a jump
-TURN = 1.0  # radians; likewise. Corrected logs turn up to 1.4 rad between scans that are seconds apart
-SPEED = 3.0  # metres a second, and radians a second: beyond what indoor robots do
-FAR_STEP = 5.0  # times the median step: the corrected logs at hand reach 3.4, with scans a metre apart
-FAR_TURN = 1.5  # radians between scans whose time distance is unknown
+LEAST_TURN = 0.01  # radians: by how much poses that jitter are taken to err at least
 MAX_RANGE = 1000.0
 """Metres. Some drivers write the largest float for "no return", which makes a default maximum range of no use."""
-USUAL_STEP, USUAL_RANGE, USUAL_ECHO = 100.0, 100.0, 20.0
-"""Metres. Half of the steps, returns or echoes beyond them are a log in millimetres or centimetres."""
-MOST_LISTED = 8  # scans that a sentence names
+USUAL_RANGE, USUAL_ECHO = 100.0, 20.0
+"""Metres. Half of the returns or echoes beyond them are a log in millimetres or centimetres."""
 MAX_ANGLE = 4 * np.pi  # radians. Beyond it headings are counted over turns at best, in degrees at worst
 
 
@@ -155,15 +151,6 @@ class Suspicion(NamedTuple):
     code: str
     message: str
     scans: tuple[int, ...] = ()
-
-
-class _Steps(NamedTuple):
-    """Steps between successive scans of one device; row i leads to scan `number[i]`."""
-
-    number: NDArray[np.int64]
-    distance: FloatArray
-    turn: FloatArray
-    seconds: FloatArray
 
 
 def find_suspicions(readings: Readings) -> tuple[Suspicion, ...]:
@@ -179,8 +166,9 @@ def find_suspicions(readings: Readings) -> tuple[Suspicion, ...]:
 
 
 def find_spoiling(readings: Readings) -> tuple[Suspicion, ...]:
-    """Return what of it would spoil a map: wrong units, and poses that jump."""
-    return (*_jumps(readings.notes.scans), *_ranges(readings), *_angles(readings))
+    """Return what of it would spoil a map: wrong units, and poses that jump or jitter."""
+    jumping = (Suspicion(*each) for each in jumps(readings.notes.scans))
+    return (*jumping, *_jitter(readings), *_ranges(readings), *_angles(readings))
 
 
 def warn_of_spoiling(readings: Readings, used: Readings, kind: Kind, max_range: float | None) -> None:
@@ -198,46 +186,18 @@ def warn_of_spoiling(readings: Readings, used: Readings, kind: Kind, max_range: 
         logger.warning(f"{readings.source}: has opening angles (cone) as of a sonar: should it be given as --sonar?")
 
 
-def _steps(scans: ScanTable, device: int) -> _Steps:
-    rows = np.flatnonzero(scans.device == device)
-    change = np.diff(scans.pose[rows], axis=0)
-    turn = np.abs(np.angle(np.exp(1j * change[:, 2])))
-    return _Steps(scans.number[rows[1:]], np.hypot(change[:, 0], change[:, 1]), turn, np.diff(scans.time[rows]))
-
-
-def _usual_step(steps: _Steps) -> float:
-    moving = steps.distance[steps.distance > 0.01]
-    return float(np.median(moving)) if len(moving) else 0.0
-
-
-def _are_far(steps: _Steps) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Return which steps lead too far away, and which turn too far."""
-    timed = steps.seconds > 0
-    reach = SPEED * np.where(timed, steps.seconds, np.inf)
-    moved = (steps.distance > np.maximum(STEP, reach)) | (steps.distance > max(STEP, FAR_STEP * _usual_step(steps)))
-    turned = (steps.turn > np.maximum(TURN, reach)) | (~timed & (steps.turn > FAR_TURN))
-    return moved, turned
-
-
-def _jumps(scans: ScanTable) -> Iterator[Suspicion]:
-    for device in np.unique(scans.device):
-        steps = _steps(scans, int(device))
-        usual = _usual_step(steps)
-        moved, turned = _are_far(steps)
-        if usual > USUAL_STEP:
-            text = f"half of the steps from scan to scan are above {usual:g} m: are the positions in millimetres?"
-            yield Suspicion("pose-unit", text)
-        elif moved.any() or turned.any():
-            numbers = tuple(int(n) for n in steps.number[moved | turned])
-            sizes = ((steps.distance, moved, ".1f", "m"), (np.degrees(steps.turn), turned, ".0f", "degrees"))
-            far = " and ".join(_largest(steps, *size) for size in sizes if size[1].any())
-            yield Suspicion("pose-jump", f"the pose jumps before {_list(numbers, 'scan')}, the largest {far}", numbers)
-
-
-def _largest(steps: _Steps, size: FloatArray, chosen: NDArray[np.bool_], form: str, unit: str) -> str:
-    """Return the largest of the chosen steps in words."""
-    worst = int(np.argmax(np.where(chosen, size, -1.0)))
-    return f"by {size[worst]:{form}} {unit} at scan {steps.number[worst]}"
+def _jitter(readings: Readings) -> Iterator[Suspicion]:
+    """Yield which poses of sonars jitter; scans of a laser show by themselves by how much theirs err."""
+    if not readings.cone.any():
+        return
+    found = max(map(jitter_of, devices_of(readings.notes.scans)), key=lambda each: each.metres)
+    if found.is_jitter:
+        text = (
+            f"poses jitter: half of them lie {found.metres * OFF_MIDDLE:.2f} m or more off the middle of the poses "
+            f"before and after, at steps of {found.usual_step:.2f} m. Sample them with the map, prf sample "
+            f"--pose-noise {found.metres:.2g} {max(found.radians, LEAST_TURN):.2g}"
+        )
+        yield Suspicion("pose-jitter", text)
 
 
 def _clock(scans: ScanTable) -> Iterator[Suspicion]:
@@ -248,7 +208,7 @@ def _clock(scans: ScanTable) -> Iterator[Suspicion]:
     back = tuple(int(n) for n in scans.number[1:][change < 0])
     tied = int(np.count_nonzero((change == 0) & (np.diff(scans.device) == 0)))
     if back:
-        yield Suspicion("time-backward", f"the clock runs backward before {_list(back, 'scan')}", back)
+        yield Suspicion("time-backward", f"the clock runs backward before {listed(back, 'scan')}", back)
     if tied:
         yield Suspicion("time-tied", f"{tied} of {len(change)} scans have the time stamp of the scan before")
 
@@ -289,11 +249,3 @@ def _odd_lines(readings: Readings) -> Iterator[Suspicion]:
     if odd:
         kinds = ", ".join(f"{n} {kind}" for kind, n in sorted(odd.items(), key=lambda item: -item[1])[:5])
         yield Suspicion("odd-line", f"lines of unknown kinds were skipped: {kinds}")
-
-
-def _list(numbers: tuple[int, ...], word: str) -> str:
-    """Return ``scan 5`` or ``scans 5, 8, ... (12 in all)``."""
-    shown = ", ".join(map(str, numbers[:MOST_LISTED]))
-    if len(numbers) == 1:
-        return f"{word} {shown}"
-    return f"{word}s {shown}" + (f" ... ({len(numbers)} in all)" if len(numbers) > MOST_LISTED else "")

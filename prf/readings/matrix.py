@@ -1,12 +1,15 @@
 """Ranges alone: a text or an array of numbers, one scan a row, as MATLAB and numpy write them; poses come from a file.
 
-The directions of the columns are not in it: they are given, counter-clockwise from straight ahead. ``inf`` is no
-return; 0 and nan are no measurement, dropped and counted.
+The directions of the columns are given, counter-clockwise from straight ahead, unless a file of several arrays (.mat,
+.npz) has them. A first column that rises, beside the ranges, is the time. ``inf`` is no return; 0 and nan are no
+measurement, dropped and counted.
 """
 
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,9 +17,24 @@ from prf.readings.readings import LogNotes, Readings, ScanTable
 from prf.readings.text import MEND, FloatArray, IntArray, check_domains, content_lines
 from prf.shell.errors import ConfigError, InputError
 from prf.shell.poses.files import NUMPY_MAGIC, array_of
+from prf.shell.poses.named import ODOMETRY, is_named, named_arrays
 
 FEWEST = 9
 """Numbers in a row that may be ranges: fewer are a pose, or little else than text."""
+POSE_MATRICES = (12, 16)
+"""Numbers in a row that may be a matrix: beside other ranges they are poses."""
+FEWEST_TIMES = 20
+"""Rising numbers in a first column that are times."""
+
+
+class Ranges(NamedTuple):
+    """What a file of ranges alone holds."""
+
+    ranges: FloatArray  # (n, w) metres
+    line: IntArray  # (n,) lines of the scans, or their rows
+    time: FloatArray  # (n,) seconds, nan where unknown
+    direction: FloatArray | None  # (w,) radians, if the file has them
+    words: str  # what else there is to know, for a person
 
 
 def beam_directions(text: str) -> FloatArray:
@@ -33,58 +51,76 @@ def beam_directions(text: str) -> FloatArray:
 
 def looks_like_matrix(data: bytes, fewest: int = FEWEST) -> bool:
     """Return whether data are an array of numpy, or a text whose first two lines are as many numbers, not too few."""
-    if data.startswith(NUMPY_MAGIC):
+    if data.startswith(NUMPY_MAGIC) or is_named(data):
         return True
     rows = [_fields(line) for _, line in zip(range(2), (line for _, line in content_lines(data)), strict=False)]
     return bool(rows) and all(len(row) >= fewest and len(row) == len(rows[0]) and _are_numbers(row) for row in rows)
 
 
-def size_of(data: bytes, source: str) -> tuple[int, int]:
-    """Return how many scans a matrix has, and how many numbers in each."""
-    if data.startswith(NUMPY_MAGIC):
-        rows, columns = array_of(data, source).shape
-        return rows, columns
-    lines = [line for _, line in content_lines(data)]
-    return len(lines), len(_fields(lines[0]))
+def ranges_of(data: bytes, source: str, n_directions: int | None = None) -> Ranges:
+    """Return the ranges in content, decompressed; scans are columns where only so there are `n_directions` in each."""
+    if is_named(data):
+        found = _named_ranges(data, source)
+    elif data.startswith(NUMPY_MAGIC):
+        found = _plain(array_of(data, source))
+    else:
+        found = _text_ranges(data, source)
+    n, width = found.ranges.shape
+    if n_directions == n != width:
+        found = _plain(found.ranges.T)._replace(words="a scan a column")
+    elif n >= FEWEST_TIMES and width != n_directions and (np.diff(found.ranges[:, 0]) > 0.0).all():
+        found = found._replace(ranges=found.ranges[:, 1:], time=found.ranges[:, 0], words="the first column is time")
+    return found
 
 
-def read_matrix(data: bytes, source: str, angles: str) -> Readings:
+def has_directions(data: bytes, source: str) -> bool:
+    """Return whether content is ranges with the directions of their beams."""
+    return is_named(data) and _named_ranges(data, source).direction is not None
+
+
+def read_matrix(data: bytes, source: str, angles: str | None) -> Readings:
     """Read ranges as they are on the sensor, decompressed, with the directions `angles` (:func:`beam_directions`)."""
-    direction = beam_directions(angles)
-    line, ranges = _rows(data, source)
-    n, width = ranges.shape
+    direction = None if angles is None else beam_directions(angles)
+    found = ranges_of(data, source, None if direction is None else len(direction))
+    n, width = found.ranges.shape
+    direction = found.direction if direction is None else direction
+    assert direction is not None
     if width != len(direction):
         raise InputError(f"{source}: {width} ranges a row, but --beam-angles {angles} are {len(direction)} directions.")
-    check_domains(source, np.repeat(line, width), {"range": ranges.ravel()}, nan=("range",))
-    usable = ranges.ravel() > 0.0
+    ranges = found.ranges.reshape(-1)
+    check_domains(source, np.repeat(found.line, width), {"range": ranges}, nan=("range",))
+    usable = ranges > 0.0
     if not usable.any():
         raise InputError(f"{source}: no range is above 0. Give readings with a distance.")
-    scan = np.repeat(np.arange(n), width)
     zero = np.zeros(n, np.int64)
     notes = LogNotes(
         format="ranges",
         poses="the sensor",
-        scans=ScanTable(np.arange(n), line, np.full(n, width), zero, np.zeros((n, 3)), np.full(n, np.nan)),
+        scans=ScanTable(np.arange(n), found.line, np.full(n, width), zero, np.zeros((n, 3)), found.time),
         devices=("ranges",),
         n_zero_ranges=int(np.count_nonzero(ranges == 0.0)),
         n_invalid=int(np.count_nonzero(np.isnan(ranges))),
+        remarks=(found.words,) if found.words else (),
     )
     return Readings.from_arrays(
         np.zeros((n * width, 2)),
         np.tile(direction, n),
-        ranges.ravel(),
-        scan=scan,
+        ranges,
+        scan=np.repeat(np.arange(n), width),
         beam=np.tile(np.arange(width), n),
+        time=np.repeat(found.time, width),
         source=source,
         notes=notes,
     ).where(usable)
 
 
-def _rows(data: bytes, source: str) -> tuple[IntArray, FloatArray]:
-    """Return the lines of the scans (n,) and their ranges (n, w)."""
-    if data.startswith(NUMPY_MAGIC):
-        values = array_of(data, source)
-        return np.arange(len(values)), values
+def _plain(ranges: FloatArray, line: IntArray | None = None) -> Ranges:
+    n = len(ranges)
+    return Ranges(ranges, np.arange(n) if line is None else line, np.full(n, np.nan), None, "")
+
+
+def _text_ranges(data: bytes, source: str) -> Ranges:
+    """Return the rows of a text."""
     lines, rows = [], list[list[bytes]]()
     for number, text in content_lines(data):
         fields = _fields(text)
@@ -94,7 +130,51 @@ def _rows(data: bytes, source: str) -> tuple[IntArray, FloatArray]:
             raise InputError(f"{source}:{number}: a range is not a number. {MEND}")
         lines.append(number)
         rows.append(fields)
-    return np.array(lines), np.array(rows, np.float64)
+    return _plain(np.array(rows, np.float64), np.array(lines))
+
+
+def wide_arrays(arrays: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+    """Return the arrays that may be ranges: of several neither matrices of poses nor the same row again and again."""
+    wide = {name: values for name, values in arrays.items() if min(values.shape) >= FEWEST}
+    if len(wide) == 1:
+        return wide
+    plain = {name: values for name, values in wide.items() if values.shape[1] not in POSE_MATRICES}
+    return {name: values for name, values in plain.items() if (values != values[0]).any()}
+
+
+def _named_ranges(data: bytes, source: str) -> Ranges:
+    """Return the only array of a file of several that may be ranges, and what others there say of it."""
+    arrays = named_arrays(data, source)
+    wide = wide_arrays(arrays)
+    if len(wide) != 1:
+        found = ", ".join(f"{name} {n} x {w}" for name, (n, w) in ((key, each.shape) for key, each in arrays.items()))
+        what = "several arrays may be ranges" if wide else "no array may be ranges, a scan a row"
+        raise InputError(f"{source}: {what} ({found}). Save the ranges in a file of their own.")
+    name, ranges = next(iter(wide.items()))
+    n, width = ranges.shape
+    others = {key: values for key, values in arrays.items() if key != name}
+    vectors = {key: values.ravel() for key, values in others.items() if min(values.shape) == 1}
+    vectors |= {key: values[0] for key, values in others.items() if values.shape == ranges.shape}
+    angles = [key for key, values in vectors.items() if len(values) in (n, width) and _are_directions(key, values)]
+    lengths = {max(values.shape) for key, values in others.items() if key not in angles}
+    are_columns = len(vectors[angles[0]]) == n if angles else width in lengths and n not in lengths
+    if are_columns and n != width:
+        ranges, n, width = ranges.T, width, n
+    words = f"ranges are {name}"
+    direction = vectors[angles[0]] if angles else None
+    if direction is not None:
+        in_degrees = float(np.abs(direction).max()) > 2.0 * np.pi + 0.1
+        direction = np.radians(direction) if in_degrees else direction
+        words += f", directions {angles[0]} in {'degrees' if in_degrees else 'radians'}"
+    return _plain(ranges)._replace(direction=direction, words=words)
+
+
+def _are_directions(name: str, values: FloatArray) -> bool:
+    """Return whether a vector is the directions of beams, evenly spaced, in radians or degrees."""
+    step = np.diff(values)
+    is_even = len(step) >= FEWEST - 1 and bool((np.abs(step - step.mean()) < 0.1 * abs(step.mean())).all())
+    is_named_so = re.search(r"ang|theta|bear|phi|dir", name, re.IGNORECASE) is not None
+    return is_even and is_named_so and not ODOMETRY.search(name)
 
 
 def _fields(line: bytes) -> list[bytes]:

@@ -14,7 +14,8 @@ from typing import Literal
 from prf.model.sensors import CONE
 from prf.readings.bag import read_bag
 from prf.readings.carmen import KNOWN_KINDS, read_carmen
-from prf.readings.matrix import looks_like_matrix, read_matrix, size_of
+from prf.readings.directions import usual_angles
+from prf.readings.matrix import has_directions, looks_like_matrix, ranges_of, read_matrix
 from prf.readings.player import read_player
 from prf.readings.poses import GivenPoses, placed
 from prf.readings.readings import Kind, OwnPoses, Readings
@@ -52,7 +53,7 @@ MAGICS = (
     (b"{", "a JSON document"),
 )
 
-SUFFIXES = (".bag", ".mcap", ".db3", ".csv", ".txt", ".log", ".clf", ".npy", ".gz")
+SUFFIXES = (".bag", ".mcap", ".db3", ".csv", ".txt", ".log", ".clf", ".npy", ".npz", ".mat", ".gz")
 """Ends of the names of logs; several may follow one another."""
 
 _PLAYER = re.compile(rb"^## Player version|^\d+\.\d+ \S+ \d+ (laser|sonar|position(2d)?) \d+", re.MULTILINE)
@@ -136,7 +137,6 @@ def _read(
         if value is not None:
             raise ConfigError(f"{flag} {value}: {source} is a table, which has one sensor and one frame. Leave it out.")
     if found == "ranges":
-        assert beam_angles is not None
         return read_matrix(data, source, beam_angles)
     return read_table(data, source, kind, cone, on_robot)
 
@@ -222,6 +222,10 @@ def recognise(data: bytes, source: str, raw: bool = False, beam_angles: str | No
     `raw`: whether logs are taken that have no poses, or raw odometry. `beam_angles`: directions of ranges alone.
     """
     head = _head(data)
+    if beam_angles is None and has_directions(data, source):
+        if raw:
+            return "ranges"
+        raise InputError(f"{source}: ranges without poses. Give them with --poses FILE; prf info FILE says more.")
     if beam_angles is not None and looks_like_matrix(data, fewest=1):
         if raw:
             return "ranges"
@@ -278,12 +282,11 @@ def _is_carmen(head: bytes) -> bool:
 
 def _matrix_of(data: bytes, source: str) -> str:
     """Return what is missing to ranges alone."""
-    n, width = size_of(data, source)
-    step = 180.0 / (width - width % 2)
-    usual = f"{-90.0:g}:{step:g}:{90.0 - step * (1 - width % 2):g}"
+    n, width = ranges_of(data, source).ranges.shape
     return (
         f"this is numbers alone, {width} a row. If these are the ranges of {n:,} scans, say where the beams point, "
-        f"--beam-angles FIRST:STEP:LAST in degrees ({usual} if they see half a turn), and give --poses FILE"
+        f"--beam-angles FIRST:STEP:LAST in degrees ({usual_angles(width)} if they see half a turn), and give --poses "
+        "FILE; prf info with all your files says more"
     )
 
 

@@ -115,9 +115,13 @@ def read_poses(
     mount: tuple[float, float, float] | None = None,
     offset: float = 0.0,
     quaternion: Order | None = None,
+    is_odometry: bool = False,
 ) -> GivenPoses:
-    """Read the poses of a file, which belong to scans as :class:`GivenPoses` says."""
-    trajectory = read_pose_file(path, quaternion, "readings.pose_quaternion")
+    """Read the poses of a file, which belong to scans as :class:`GivenPoses` says.
+
+    `is_odometry`: of a file of several arrays take that one.
+    """
+    trajectory = read_pose_file(path, quaternion, "readings.pose_quaternion", is_odometry)
     return GivenPoses(trajectory, "standard input" if path == STREAM else path, gap, mount, offset)
 
 

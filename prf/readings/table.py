@@ -82,7 +82,7 @@ def _assemble(rows: Rows, source: str, on_robot: bool) -> Readings:
     notes = LogNotes(
         format="table",
         poses="the robot" if on_robot else "in the log",
-        scans=_scan_table(scan, rows.line, origin, time, 0.0 if on_robot else np.nan),
+        scans=_scan_table(scan, rows.line, origin, time, None if on_robot else columns["theta"]),
         devices=("table",),
         n_zero_ranges=int(np.count_nonzero(~usable)),
         lines={"further columns": rows.n_unknown} if rows.n_unknown else {},
@@ -114,8 +114,14 @@ def _scans_by_place(origin: FloatArray, time: FloatArray) -> IntArray:
     return np.concatenate(([0], np.cumsum(np.any(key[1:] != key[:-1], axis=1)))).astype(np.int64)
 
 
-def _scan_table(scan: IntArray, line: IntArray, origin: FloatArray, time: FloatArray, heading: float) -> ScanTable:
-    number, first, counts = np.unique(scan, return_index=True, return_counts=True)
-    pose = np.column_stack((origin[first], np.full(len(first), heading)))
+def _scan_table(
+    scan: IntArray, line: IntArray, origin: FloatArray, time: FloatArray, direction: FloatArray | None
+) -> ScanTable:
+    """Return the scans; their heading is the direction of the beam in the middle of each, None: ahead."""
+    order = np.argsort(scan, kind="stable")
+    number, start, counts = np.unique(scan[order], return_index=True, return_counts=True)
+    first = order[start]
+    heading = np.zeros(len(first)) if direction is None else direction[order[start + counts // 2]]
+    pose = np.column_stack((origin[first], heading))
     device = np.zeros(len(first), dtype=np.int64)
     return ScanTable(number, line[first], counts.astype(np.int64), device, pose, time[first])

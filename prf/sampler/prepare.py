@@ -137,7 +137,7 @@ def given_poses(options: ReadingOptions, odometry: str | None = None) -> list[Gi
     poses = [read_poses(file, *how) for file in options.poses]
     if odometry is None:
         return poses
-    driven = read_poses(odometry, *how)
+    driven = read_poses(odometry, *how, is_odometry=True)
     return [dataclasses.replace(each, odometry=driven) for each in poses] or [driven]
 
 

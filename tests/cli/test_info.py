@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -8,13 +9,15 @@ import numpy as np
 import pytest
 
 from prf.cli import app
+from prf.readings import write_table
 from prf.results import write_run
 from prf.results.occupancy import OccupancyGrid, write_grid
 from prf.shell.cli.run import run_app
 from prf.shell.cli.storage import save_arrays
 from tests.cli.calls import prf
 from tests.factories import make_run
-from tests.readings.bags import START, Maker, Note, drive
+from tests.poses.drives import ROOM, readings_at
+from tests.readings.bags import START, Maker, Note, drive, yaw
 from tests.readings.samples import flaser, save
 
 JUMPY = "".join(flaser([1, 0, 81.83], (0.2 * i + 9 * (i > 5), 0, 0), time=i) for i in range(12)) + "ODD 1\n"
@@ -41,9 +44,10 @@ def test_notes_beyond_the_table_are_counted(capsys, monkeypatch, tmp_path):
     monkeypatch.setattr("prf.commands.info.MOST_LINES", 12)
     path = save(tmp_path, JUMPY)
     short, long = run(capsys, path)[1].splitlines(), run(capsys, path, "-v")[1].splitlines()
-    assert len(short) == 12
+    assert len(short) == 13
+    assert short[-1] == long[-1] == f"map it          prf sample --laser {path} -o some"
     notes = sum(line.startswith(("suspicious", "assumed")) for line in long)
-    assert short[-1].split() == [str(notes), "notes", "more:", "prf", "info", "-v"]
+    assert short[-2].split() == [str(notes), "notes", "more:", "prf", "info", "-v"]
 
 
 def test_json_is_one_object(capsys, tmp_path):
@@ -99,6 +103,73 @@ def test_topic_and_frame_of_a_bag(capsys, tmp_path):
     assert code == 3
     assert "'nowhere'" in err
     assert err.count("\n") == 1
+
+
+# Several files, and poses that jitter.
+
+JITTER = 0.4
+
+
+def jittering(folder: Path) -> dict[str, list[str]]:
+    """Write the scans of a room with poses that jitter as a table, a CARMEN log, a bag, and as texts."""
+    turn = np.linspace(0.0, 2.0 * np.pi, 90)
+    truth = np.column_stack([4.2 + 2.6 * np.cos(turn), 2.6 + 1.9 * np.sin(turn), turn + np.pi / 2])
+    given = truth + np.random.default_rng(5).normal(size=truth.shape) * [JITTER, JITTER, 0.05]
+    readings = readings_at(ROOM, truth, given, n_beams=180)
+    ranges, angle = readings.range.reshape(90, 180), readings.angle.reshape(90, 180)
+    write_table(folder / "a.csv", replace(readings, time=np.full(readings.n_beams, np.nan)))
+    lines = (
+        flaser(np.minimum(row, 30.0).tolist(), pose, time=i)
+        for i, (row, pose) in enumerate(zip(ranges, given, strict=True))
+    )
+    (folder / "a.log").write_text("".join(lines))
+    make, notes = Maker("ros1"), []
+    for i, (row, pose) in enumerate(zip(ranges, given, strict=True)):
+        first, step = angle[i, 0] - pose[2], angle[i, 1] - angle[i, 0]
+        notes.append(Note("/tf", START + i, make.tf(START + i, "map", "laser", (*pose[:2], 0.0), yaw(pose[2]))))
+        fields = {"angle_min": first, "angle_increment": step, "range_max": 30.0}
+        notes.append(Note("/scan", START + i, make.scan(START + i, row.tolist(), **fields)))
+    make.write(folder / "a.bag", notes)
+    np.savetxt(folder / "ranges.txt", ranges)
+    np.savetxt(folder / "poses.txt", given)
+    return {kind: [str(folder / f"a.{kind}")] for kind in ("csv", "log", "bag")} | {
+        "texts": [str(folder / "ranges.txt"), str(folder / "poses.txt")]
+    }
+
+
+def test_poses_that_jitter_are_found_alike_in_every_format_and_the_command_has_numbers(capsys, tmp_path):
+    for kind, files in jittering(tmp_path).items():
+        code, out, err = run(capsys, *files, "--json")
+        assert (code, err) == (0, ""), kind
+        found = json.loads(out)
+        of_poses = [each["code"] for each in found["suspicions"] if each["code"].startswith("pose")]
+        assert of_poses == ["pose-error"], kind
+        metres, radians = found["pose_error"]
+        assert metres == pytest.approx(JITTER, rel=0.2)
+        assert f"--pose-noise {metres:.2g} {radians:.2g}" in found["command"]
+        assert found["command"].startswith(f"prf sample --laser {files[0]} ")
+
+
+def test_files_that_are_no_log_by_themselves_are_said_to_be_what_they_are(capsys, tmp_path):
+    ranges, poses = jittering(tmp_path)["texts"]
+    code, out, err = run(capsys, ranges)
+    assert (code, err) == (0, "")
+    assert out.splitlines()[0].partition(", up")[0].endswith("ranges: 90 scans of 180 beams")
+    assert "missing         poses: " in out
+    assert f"then            prf info {ranges} --beam-angles -90:1:89 --poses POSES" in out
+    document = json.loads(run(capsys, poses, "--json")[1])
+    assert document["schema"] == "prf.info.files/1"
+    assert document["missing"].startswith("readings")
+    code, out, err = run(capsys, ranges, poses)
+    assert "map it          prf sample --laser" in out
+    assert "--beam-angles -90:1:89 --poses" in out
+
+
+def test_a_log_of_raw_odometry_is_shown_with_the_command_that_maps_it(capsys, tmp_path):
+    lines = (f"Odometry {0.1 * i} 0 0\nLaser 3 1.0 2.0 3.0\n" for i in range(12))
+    code, out, err = run(capsys, save(tmp_path, "".join(lines)))
+    assert (code, err) == (0, "")
+    assert "--odometry wheels -o some" in out
 
 
 # `prf inspect`: the manifest and the state of every file.

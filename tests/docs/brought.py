@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.io import savemat
 
 from mapq.io import write_cloud, write_patches
 from mapq.patches import Patches
@@ -92,6 +93,14 @@ def make_ranges(path: Path) -> None:
     ranges[table.scan, table.beam] = table.range
     poses = np.array([table.notes.scans.pose[table.notes.scans.number == scan][0] for scan in range(len(ranges))])
     np.savetxt(path, ranges[::3] if path.name.startswith("ranges") else poses[::3])
+
+
+def make_mat(path: Path) -> None:
+    """Write those ranges and poses as a .mat."""
+    for name in ("ranges.txt", "poses.txt"):
+        make_ranges(path.with_name(name))
+    arrays = {name: np.loadtxt(path.with_name(f"{name}.txt")) for name in ("ranges", "poses")}
+    savemat(path, {**arrays, "angles": np.arange(-90.0, 90.0)})
 
 
 def make_player(path: Path) -> None:
@@ -250,7 +259,8 @@ MAKERS: tuple[tuple[str, Callable[[Path], None]], ...] = (
     (r"(drive|later|a|b)\.bag", make_bag),
     (r"(slam|later|a|b)\.tum", make_trajectory),
     (r"player\.log", make_player),
-    (r"(ranges|poses)\.txt", make_ranges),
+    (r"(ranges|poses|odom)\.txt", make_ranges),
+    (r"scans\.mat", make_mat),
     (r"(?!data/).*\.log(\.gz)?|doors\.csv|readings\.csv", make_log),
     (r"(floor|plan|truth)\.geojson", make_plan),
     (r".*\.classified\.(ply|laz|las)", make_result),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ import scipy.stats
 from prf.configuration import ODOMETRY, Configuration
 from prf.poses.carried import doubtful
 from prf.poses.follow import follow
-from prf.poses.given import given_errors, pose_noise
+from prf.poses.given import PoseErrors, given_errors, pose_noise
 from prf.poses.graph import Pull, Relations, errors, pull_of, root_of
 from prf.poses.loops import _settled, close_loops
 from prf.poses.match import place_of, search
@@ -117,11 +118,19 @@ def test_scans_show_how_far_given_poses_err(noise):
     given = TRUTH + np.random.default_rng(3).normal(size=TRUTH.shape) * [noise[0], *noise]
     readings = readings_at(ROOM, TRUTH, given)
     found = given_errors(readings, 0.03)
-    np.testing.assert_allclose(found, noise, rtol=0.3)
-    assert pose_noise("auto", readings, 0.03) == found
+    np.testing.assert_allclose(found[:2], noise, rtol=0.3)
+    assert pose_noise("auto", readings, 0.03) == found[:2]
     assert found.advice().startswith(f"poses err by about {found.words()}, as scans disagree")
     assert f"--pose-noise {found.metres:.2g} {found.radians:.2g}" in found.advice()
-    assert ("--odometry" in found.advice()) == (noise[0] > 0.3)
+    assert not found.is_odometry
+
+
+@pytest.mark.parametrize("jitter", [0.01, 0.5, math.inf])
+def test_errors_that_add_up_along_the_way_are_those_of_odometry(jitter):
+    found = PoseErrors(0.6, 0.1, jitter)
+    assert found.is_odometry == (jitter < 0.1)
+    assert found.advice().endswith("--odometry wheels" if found.is_odometry else "--pose-noise 0.6 0.1")
+    assert not PoseErrors(0.1, 0.02, jitter).is_odometry
 
 
 def test_right_poses_need_no_advice():

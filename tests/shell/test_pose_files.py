@@ -117,7 +117,7 @@ def test_rounded_rotations_become_exact(tmp_path):
         ("1 0 0 0 0 2 0 0 0 0 1 0\n", "poses.txt:1: the matrix of this pose is not a rotation"),
         ("1 0 0 0 0 1 0 0 0 0 -1 0\n", "poses.txt:1: the matrix of this pose mirrors"),
         ("t,x,y\n0,1,2\n", "poses.txt:1: the header does not name the columns of poses"),
-        ("t,x,y,yaw\n0,1,2,3\n0,1,2,90\n", r"poses.txt:3: an angle is 90 rad. If .* yaw_deg"),
+        ("t,x,y,yaw\n0,1,2,3\n0,1,2,90\n", r"poses.txt:3: an angle is 90 rad. If .*yaw_deg"),
         ("t,x,y,theta,roll\n0,1,2,3,0\n0,1,2,3,90\n", r"poses.txt:3: an angle is 90 rad"),
         ("t,x,y,theta\n0,1,2,3\n0,1,2\n", "poses.txt:3: 3 columns below a header of 4"),
         ("\x16\0\0\0\0\0\0\0serialization::archive", r"state of slam_toolbox .* Record scans and /tf"),
@@ -169,7 +169,7 @@ def test_rows_that_hang_together_by_chance_alone_are_steps(tmp_path):
 def test_headings_that_the_way_says_nothing_of_are_refused_beyond_two_turns(tmp_path):
     still = driven()
     still[:, :2] = 0.0
-    with pytest.raises(InputError, match=r"poses.txt:\d+: an angle is .* yaw_deg"):
+    with pytest.raises(InputError, match=r"poses.txt:\d+: an angle is .*yaw_deg"):
         read_pose_file(written(tmp_path, rows(still)))
     assert read_pose_file(written(tmp_path, rows(still[:20]))).layout == "x y theta"
 

@@ -1,7 +1,8 @@
 """Files of poses, as SLAM programs and tools of evaluation write them: one reader for both tools.
 
 Read are rows of 12 numbers (3x4 matrix, KITTI), 16 (4x4), 7 (place and quaternion), 8 (time or name and these: TUM,
-graph.txt), 3 (x, y, heading), 4 (time and these), g2o, JSON, CSV with a header, and such rows as an array (.npy).
+graph.txt), 3 (x, y, heading), 4 (time and these), g2o, JSON, CSV with a header, and such rows as an array (.npy, .npz,
+.mat).
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from scipy.spatial.transform import Rotation, Slerp
 from prf.shell.cli.files import STREAM, gunzip, open_input
 from prf.shell.errors import InputError
 from prf.shell.poses.headings import added_up, in_radians, refuse_wide
+from prf.shell.poses.named import is_named, poses_in
 
 Floats = NDArray[np.float64]
 Order = Literal["xyzw", "wxyz"]
@@ -38,7 +40,7 @@ TICKS = ((9e17, 1e-9), (9e14, 1e-6), (9e11, 1e-3))
 LAYOUTS = (
     "Rows may be 12 numbers (3x4 matrix, KITTI), 16 (4x4), 7 (tx ty tz and a quaternion), 8 (time or name and "
     "these), 3 (x y theta), 4 (t x y theta), g2o, 4x4 matrices over four lines, JSON, CSV with a header such as "
-    "t,x,y,theta, and .npy."
+    "t,x,y,theta, and .npy, .npz and .mat."
 )
 
 GZIP_MAGIC, BYTE_ORDER_MARK, NUMPY_MAGIC = b"\x1f\x8b\x08", b"\xef\xbb\xbf", b"\x93NUMPY"
@@ -82,13 +84,16 @@ class PoseFile(NamedTuple):
     layout: str  # for a person: KITTI (rows of 12 numbers), TUM, g2o, CSV and others
 
 
-def read_pose_file(path: str, quaternion: Order | None = None, key: str = "quaternion") -> PoseFile:
+def read_pose_file(
+    path: str, quaternion: Order | None = None, key: str = "quaternion", is_odometry: bool = False
+) -> PoseFile:
     """Read the poses of a text, gzipped or not; a header or the number of columns identifies the layout.
 
     `quaternion`: order without a header, which `key` states in messages. Without it xyzw, refused where sensors then
-    hang upside down that would all stand upright by the other order.
+    hang upside down that would all stand upright by the other order. `is_odometry`: of several arrays of poses in a
+    file the one that is called so is taken, else the other.
     """
-    rows = _read_rows(path)
+    rows = _read_rows(path, is_odometry)
     values, times, where = rows.values, None, rows.where
     if rows.columns is not None:
         return _of_columns(rows)
@@ -105,6 +110,7 @@ def read_pose_file(path: str, quaternion: Order | None = None, key: str = "quate
     _refuse_far(values, where)
     names = {8: "TUM", 12: "KITTI", 3: "x y theta", 4: "t x y theta"}
     layout = "g2o" if rows.is_g2o else names.get(width, f"rows of {width}")
+    layout = f"{rows.array}: {layout}" if rows.array else layout
     if is_planar:
         zero = np.zeros((len(values), 2))
         values, are_steps = added_up(values)
@@ -230,19 +236,20 @@ class _Rows(NamedTuple):
     )
     columns: tuple[str, ...] | None = None  # what the columns of `values` are by the header, keys of `NAMES`
     is_g2o: bool = False
+    array: str = ""  # name of the array in a file of several
 
 
-def _read_rows(path: str) -> _Rows:
+def _read_rows(path: str, is_odometry: bool) -> _Rows:
     """Read the rows of a file of text, gzipped or not."""
     source = "standard input" if path == STREAM else path
     data = _content(path, source)
-    if data.startswith(NUMPY_MAGIC):
-        values = array_of(data, source)
+    if data.startswith(NUMPY_MAGIC) or is_named(data):
+        name, values = poses_in(data, source, is_odometry) if is_named(data) else ("", array_of(data, source))
         values = values.T if len(values) == 3 != values.shape[1] else values
         if not np.isfinite(values).all():
             row = int(np.flatnonzero(~np.isfinite(values).all(axis=1))[0])
             raise InputError(f"{source}: row {row} has a number that is not finite. Remove this pose and its scan.")
-        return _Rows([f"{source}: row {number}" for number in range(len(values))], values)
+        return _Rows([f"{source}: row {number}" for number in range(len(values))], values, array=name)
     text = _text(data, source)
     if text.lstrip()[:1] in ("[", "{"):
         return _of_json(text, source)

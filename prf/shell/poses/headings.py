@@ -22,6 +22,8 @@ LEAST_FOLLOWED = 0.5
 SURELY, HARDLY = 0.8, 0.6
 """... and shares of that which they follow as radians, from which and up to which they are these or degrees."""
 
+AT_RANDOM = 0.4
+"""Length of the mean of turns as unit vectors below which a robot would turn at random; of corrected logs above .8."""
 
 FEWEST_STEPS = 20
 APART = 0.3
@@ -56,6 +58,8 @@ def in_radians(place: Floats, heading: Floats, where: Sequence[str]) -> tuple[Fl
     if as_degrees > max(LEAST_FOLLOWED, chance) and as_radians < HARDLY * as_degrees:
         return np.radians(heading), ", headings in degrees, which the way follows"
     if not (as_radians > chance and as_radians > SURELY * as_degrees):
+        if len(heading) >= FEWEST_STEPS and float(np.abs(np.exp(1j * np.diff(heading)).mean())) < AT_RANDOM:
+            return np.radians(heading), ", headings in degrees, as radians the robot would turn at random"
         refuse_wide(heading, where)
     return heading, ""
 
@@ -65,7 +69,10 @@ def refuse_wide(angle: Floats, where: Sequence[str]) -> None:
     wide = np.flatnonzero(np.abs(angle) > WIDEST)
     if len(wide):
         found = f"an angle is {np.abs(angle[wide[0]]):g} rad"
-        raise InputError(f"{where[wide[0]]}: {found}. If these are degrees, name the column so in a header: yaw_deg.")
+        raise InputError(
+            f"{where[wide[0]]}: {found}. If headings are in degrees, name the column so in a header above the rows, "
+            "separated as they are: x,y,yaw_deg (x,y,yaw for radians)."
+        )
 
 
 def _followed(place: Floats, heading: Floats, unit: float) -> float:
