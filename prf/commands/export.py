@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 logger = logging.getLogger(__name__)
 
 EXAMPLES = (
-    "prf export office --format ros-map --returns",
+    "prf export office --format ros-map --radius 0.25 --mode scale",
     "prf export office -o office.dxf",
     "prf export office --draw 0 --format geojson -o - | head -c 300",
     "prf export data/demo-office.geojson --format ros-map --resolution 0.1 -o plan.yaml",
@@ -25,43 +25,70 @@ EXAMPLES = (
 
 Format = Literal["geojson", "ros-map", "svg", "dxf", "netcdf", "tum", "g2o"]
 """What to write."""
+Mode = Literal["trinary", "scale", "raw"]
+"""How map_server reads the pixels."""
+
+
+Given = Annotated[
+    str, typer.Argument(metavar="RUN|GRID|MAP", help="From prf sample or prf grid, or polygons in GeoJSON.")
+]
+AsFormat = Annotated[Format | None, typer.Option("--format", help="What to write; else by the suffix of the output.")]
+DrawNumber = Annotated[
+    int | None,
+    typer.Option("--draw", metavar="K", help="Draw number K, from 0, instead of the best map or the posterior."),
+]
+Band = Annotated[
+    tuple[float, float] | None,
+    typer.Option("--unknown", metavar="LOW HIGH", help="ros-map: unknown between these.  [0.196 0.65]"),
+]
+Squares = Annotated[
+    bool, typer.Option("--squares", help="ros-map: whether any part of a cell is occupied, not its centre.")
+]
+Returns = Annotated[
+    bool, typer.Option("--returns", help="ros-map: how probably a beam that comes there ends there (p_return).")
+]
+CellSize = Annotated[
+    float | None,
+    typer.Option("--resolution", metavar="METRES", help="ros-map: cell size.  [0.05; --squares: the run's image's]"),
+]
+AsMode = Annotated[
+    Mode,
+    typer.Option("--mode", help="ros-map: trinary is free, occupied, unknown; scale and raw serve the percent."),
+]
+Radius = Annotated[
+    float | None,
+    typer.Option(
+        "--radius",
+        metavar="METRES",
+        help="ros-map: how probably a robot of this radius is not free there, over whole maps.",
+    ),
+]
+KeepOut = Annotated[
+    float | None,
+    typer.Option("--keep-out", metavar="P", help="ros-map: a mask for Nav2's keep-out filter, above this."),
+]
+Extrapolate = Annotated[
+    float | None,
+    typer.Option(
+        "--extrapolate",
+        metavar="METRES",
+        help="Export the posterior's guess so far beyond what readings saw; else that is unknown.  [0]",
+    ),
+]
 
 
 def export(
-    source: Annotated[
-        str, typer.Argument(metavar="RUN|GRID|MAP", help="From prf sample or prf grid, or polygons in GeoJSON.")
-    ],
-    format: Annotated[
-        Format | None, typer.Option("--format", help="What to write; else by the suffix of the output.")
-    ] = None,
-    draw: Annotated[
-        int | None,
-        typer.Option("--draw", metavar="K", help="Draw number K, from 0, instead of the best map or the posterior."),
-    ] = None,
-    unknown: Annotated[
-        tuple[float, float] | None,
-        typer.Option("--unknown", metavar="LOW HIGH", help="ros-map: unknown between these.  [0.196 0.65]"),
-    ] = None,
-    squares: Annotated[
-        bool, typer.Option("--squares", help="ros-map: whether any part of a cell is occupied, not its centre.")
-    ] = False,
-    returns: Annotated[
-        bool, typer.Option("--returns", help="ros-map: how probably a beam that comes there ends there (p_return).")
-    ] = False,
-    resolution: Annotated[
-        float | None,
-        typer.Option(
-            "--resolution", metavar="METRES", help="ros-map: cell size.  [0.05; --squares: the run's image's]"
-        ),
-    ] = None,
-    extrapolate: Annotated[
-        float | None,
-        typer.Option(
-            "--extrapolate",
-            metavar="METRES",
-            help="Export the posterior's guess so far beyond what readings saw; else that is unknown.  [0]",
-        ),
-    ] = None,
+    source: Given,
+    format: AsFormat = None,
+    draw: DrawNumber = None,
+    unknown: Band = None,
+    squares: Squares = False,
+    returns: Returns = False,
+    resolution: CellSize = None,
+    mode: AsMode = "trinary",
+    radius: Radius = None,
+    keep_out: KeepOut = None,
+    extrapolate: Extrapolate = None,
     output: Output = None,
     json: Json = False,
     force: Force = False,
@@ -71,8 +98,8 @@ def export(
     geojson, svg and dxf take the polygons of the best map, ros-map the posterior probability of each cell, netcdf the
     values that were watched in every draw, for ArviZ, tum the means of poses that were sampled, g2o
     the steps between them too, with their information. What no reading saw is unknown in a ros-map, and polygons end
-    half a metre beyond what was seen. ros-map writes two files, a yaml file and the image it names; it is the one
-    format for a GRID. dxf and netcdf need libraries: pip install '.[dxf,netcdf]'.
+    half a metre beyond what was seen. ros-map writes a yaml file, the image it names, and parameters by which Nav2
+    loads them; it is the one format for a GRID. dxf and netcdf need libraries: pip install '.[dxf,netcdf]'.
     """
     from prf.output.export import Options, export_source
     from prf.shell.cli import storage
@@ -80,7 +107,18 @@ def export(
     from prf.shell.cli.outputs import refuse_json_on_stream
 
     refuse_json_on_stream(output, json)
-    options = Options(format, draw, unknown, squares, returns, resolution, extrapolate)
+    options = Options(
+        format=format,
+        draw=draw,
+        unknown=unknown,
+        squares=squares,
+        mode=mode,
+        radius=radius,
+        keep_out=keep_out,
+        returns=returns,
+        resolution=resolution,
+        extrapolate=extrapolate,
+    )
     done = export_source(source, output, options, force)
     for note in done.notes:
         logger.warning(note)

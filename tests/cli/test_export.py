@@ -48,7 +48,7 @@ def test_the_options_offer_what_the_library_writes() -> None:
     ("format", "names"),
     [
         ("geojson", {"office.geojson"}),
-        ("ros-map", {"office.yaml", "office.pgm"}),
+        ("ros-map", {"office.yaml", "office.pgm", "office.nav2.yaml"}),
         ("svg", {"office.svg"}),
         ("dxf", {"office.dxf"}),
         ("netcdf", {"office.nc"}),
@@ -76,9 +76,9 @@ def test_default_names_come_from_the_source(
         ("a.SVG", {"a.SVG"}),
         ("a.dxf", {"a.dxf"}),
         ("a.nc", {"a.nc"}),
-        ("a.v1.yaml", {"a.v1.yaml", "a.v1.pgm"}),
-        ("a.yml", {"a.yml", "a.pgm"}),
-        ("a.pgm", {"a.yaml", "a.pgm"}),
+        ("a.v1.yaml", {"a.v1.yaml", "a.v1.pgm", "a.v1.nav2.yaml"}),
+        ("a.yml", {"a.yml", "a.pgm", "a.nav2.yaml"}),
+        ("a.pgm", {"a.yaml", "a.pgm", "a.nav2.yaml"}),
     ],
 )
 def test_the_suffix_names_the_format(folder: Path, here: Path, output: str, names: set[str]) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 
 from prf.kernels._jit import Array, jit
 from prf.kernels.state.colours import Graphs
-from prf.kernels.state.geometry import segment_distance2, segment_meets_box
+from prf.kernels.state.geometry import point_segment_distance2, segment_distance2, segment_meets_box
 from prf.kernels.state.grid import Grid
 
 
@@ -63,23 +63,51 @@ def draws_clear_path(path: Array, radius: float, graphs: Graphs) -> Array:
 
 
 @jit
-def draws_count_black(grid: Grid, first_black: Array, graphs: Graphs) -> Array:
+def draws_count_black(grid: Grid, first_black: Array, graphs: Graphs, radius: float) -> Array:
     """Number of draws (n_cells,) in which the centre of each cell is black, row by row (scan conversion).
 
-    ``first_black`` (n_draws, ny): colours at the centres of the first column.
+    ``first_black`` (n_draws, ny): colours at the centres of the first column. ``radius`` above 0: draws in which the
+    disc of this radius round the centre is not white; what it covers beyond the window is.
     """
     turns, count = np.empty(grid.nx * grid.ny, np.bool_), np.zeros(grid.nx * grid.ny, np.int32)
+    near = np.zeros(grid.nx * grid.ny, np.bool_)
     for draw in range(first_black.shape[0]):
         turns[:] = False
+        near[:] = False
         first = graphs.vertex_offsets[draw]
         for e in range(graphs.edge_offsets[draw], graphs.edge_offsets[draw + 1]):
-            mark_crossings(grid, graphs.xy[first + graphs.edges[e, 0]], graphs.xy[first + graphs.edges[e, 1]], turns)
+            a, b = graphs.xy[first + graphs.edges[e, 0]], graphs.xy[first + graphs.edges[e, 1]]
+            mark_crossings(grid, a, b, turns)
+            if radius > 0.0:
+                mark_near(grid, a, b, radius, near)
         for k in range(grid.ny):
             black = first_black[draw, k]
             for cell in range(grid.nx * k, grid.nx * (k + 1)):
                 black = black != turns[cell]
-                count[cell] += black
+                count[cell] += black or near[cell]
     return count
+
+
+@jit
+def mark_near(grid: Grid, a: Array, b: Array, radius: float, near: Array) -> None:
+    """Set ``near`` for every cell whose centre lies within `radius` of the edge a-b."""
+    low, high = min(a[1], b[1]) - radius, max(a[1], b[1]) + radius
+    rise = b[1] - a[1]
+    for k in range(max(0, int((low - grid.y0) / grid.cell - 0.5)), grid.ny):
+        y = grid.y0 + (k + 0.5) * grid.cell
+        if y > high:
+            break
+        begin, end = 0.0, 1.0  # the part of the edge that is as near in y
+        if rise != 0.0:
+            one, other = (y - radius - a[1]) / rise, (y + radius - a[1]) / rise
+            begin, end = max(0.0, min(one, other)), min(1.0, max(one, other))
+        x, width = a[0] + begin * (b[0] - a[0]), (end - begin) * (b[0] - a[0])
+        left = int(np.floor((min(x, x + width) - radius - grid.x0) / grid.cell - 0.5))
+        right = int(np.ceil((max(x, x + width) + radius - grid.x0) / grid.cell - 0.5))
+        for column in range(max(0, left), min(grid.nx - 1, right) + 1):
+            at = grid.x0 + (column + 0.5) * grid.cell
+            if point_segment_distance2(at, y, a[0], a[1], b[0], b[1]) <= radius * radius:
+                near[column + grid.nx * k] = True
 
 
 @jit

@@ -180,11 +180,14 @@ def black_areas(draws: Draws) -> NDArray[np.float64]:
     return np.asarray(draws_black_area(draws.window.to_array(), draws.graphs, corner_black))
 
 
-def count_black(draws: Draws, grid: Grid) -> NDArray[np.int32]:
-    """Return in how many draws the centre of each cell (n_cells,) of a grid over the window is black."""
+def count_black(draws: Draws, grid: Grid, radius: float = 0.0) -> NDArray[np.int32]:
+    """Return in how many draws the centre of each cell (n_cells,) of a grid over the window is black.
+
+    `radius` above 0, metres: in how many the disc round it is not white, as :func:`prf.results.estimate.path_free`.
+    """
     y = grid.y0 + (np.arange(grid.ny) + 0.5) * grid.cell
     first_column = np.stack([np.full(grid.ny, grid.x0 + 0.5 * grid.cell), y], axis=1)
-    return np.asarray(draws_count_black(grid, black_at_draws(draws, first_column), draws.graphs))
+    return np.asarray(draws_count_black(grid, black_at_draws(draws, first_column), draws.graphs, radius))
 
 
 def _odd(draws: Draws, points: NDArray[np.float64]) -> NDArray[np.bool_]:

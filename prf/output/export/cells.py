@@ -1,14 +1,7 @@
-"""Probabilities on square cells of a run, a grid or one map, what of them is known, and their files for ROS.
-
-map_server (ROS 1 and nav2) reads an image and a yaml file, here in mode trinary. What it makes of a pixel
-(https://wiki.ros.org/map_server, section "Value Interpretation"), ``negate`` 0 and occ = (255 - pixel) / 255: 100 above
-``occupied_thresh``, 0 below ``free_thresh``, else unknown (-1).
-"""
+"""Probabilities on square cells of a run, a grid or one map, and what of them is known."""
 
 from __future__ import annotations
 
-import json
-import re
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -48,6 +41,7 @@ def cells_of(
     extrapolate: float = 0.0,
     *,
     squares: bool = False,
+    radius: float = 0.0,
     resolution: float | None = None,
 ) -> Raster:
     """Return the posterior of a run, the cells of a grid, or one map as cells of probability 0 and 1.
@@ -55,9 +49,23 @@ def cells_of(
     Cells farther than `extrapolate` metres from what readings of a run or a grid saw are nan.
 
     `draw`: number of a draw of the run instead of its posterior. `extrapolate`: metres. `squares`: whether a cell is
-    not completely white, instead of the colour of its centre. `resolution`: side of a cell, metres.
+    not completely white, instead of the colour of its centre. `radius`: of a disc round the centre, metres; whether it
+    is not completely white. `resolution`: side of a cell, metres.
     """
+    if radius > 0.0:
+        draws, usual = _draws_of(source, draw)
+        return only_known(share_of_draws(draws, resolution or usual, radius), source.image, extrapolate)
     return only_known(_all_cells(source, draw, squares, resolution), source.image, extrapolate)
+
+
+def _draws_of(source: Source, draw: int | None) -> tuple[Draws, float]:
+    """Return the draws of a run, one of them, or one map; and the usual side of a cell, metres."""
+    if source.grid is not None:
+        raise UsageError("--radius: a GRID has no whole maps of which a disc could be free. Give a RUN.")
+    if source.run is not None and draw is None:
+        return source.run.draws, _usual_resolution(source.run.draws.window, source.image)
+    coloring = source.choose_map(draw).coloring
+    return Draws.from_colorings([coloring]), _usual_resolution(coloring.window, source.image)
 
 
 def _all_cells(source: Source, draw: int | None, squares: bool, resolution: float | None) -> Raster:
@@ -112,12 +120,15 @@ def _usual_resolution(window: Window, image: PosteriorImage | None) -> float:
     return own if window.area / RESOLUTION**2 > MAX_CELLS else min(own, RESOLUTION)
 
 
-def share_of_draws(draws: Draws, resolution: float) -> Raster:
-    """Return the share of draws in which the centre of each cell is black, nan beyond the window."""
+def share_of_draws(draws: Draws, resolution: float, radius: float = 0.0) -> Raster:
+    """Return the share of draws in which the centre of each cell is black, nan beyond the window.
+
+    `radius` above 0: in which the disc round it is not white, metres.
+    """
     if len(draws) == 0:
         raise InputError("no draws yet: nothing can be exported. Resume with prf sample --resume.")
     grid = _checked_grid(draws.window, resolution)
-    count = count_black(draws, grid)
+    count = count_black(draws, grid, radius)
     share = np.where(draws.window.contains(pixel_centres(grid)), count / len(draws), np.nan)
     return Raster(share.reshape(grid.ny, grid.nx), np.array([grid.x0, grid.y0]), resolution)
 
@@ -188,53 +199,3 @@ def known_ground(image: PosteriorImage, extrapolate: float) -> BaseGeometry:
     boxes = shapely.box(*(low - SEAM).T, *(high + SEAM).T)
     ground: BaseGeometry = shapely.union_all(boxes)
     return ground
-
-
-FREE_THRESHOLD, OCCUPIED_THRESHOLD = 0.196, 0.65
-"""Those of ROS 1. A free threshold of 0.25, nav2's own, would make unknown cells free: pixel 205 means 0.1961."""
-FREE_PIXEL, UNKNOWN_PIXEL, OCCUPIED_PIXEL = 254, 205, 0
-
-
-def ros_map(cells: Raster, unknown: tuple[float, float] | None, image_name: str) -> tuple[str, bytes, dict[str, int]]:
-    """Return the yaml file and the image of a map for ROS, and the numbers of cells of each kind.
-
-    `unknown`: a cell of a probability from the first to the second is unknown, as is one of probability nan. None: the
-    thresholds. `image_name`: name of the image as the yaml file gives it, relative to itself.
-    """
-    probability = np.asarray(cells.probability, dtype=np.float64)[::-1]  # the top row of an image has the largest y
-    low, high = unknown if unknown is not None else (FREE_THRESHOLD, OCCUPIED_THRESHOLD)
-    is_free, is_occupied = probability < low, probability > high
-    pixel = np.select([is_occupied, is_free], [OCCUPIED_PIXEL, FREE_PIXEL], UNKNOWN_PIXEL).astype(np.uint8)
-    kinds = {"n_free": is_free, "n_occupied": is_occupied, "n_unknown": ~(is_free | is_occupied)}
-    counts = {name: int(np.count_nonzero(kind)) for name, kind in kinds.items()}
-    return _yaml(cells, image_name), pgm_bytes(pixel), counts
-
-
-def _yaml(cells: Raster, image_name: str) -> str:
-    x, y = (_number(value) for value in cells.origin)
-    lines = (
-        f"image: {_plain(image_name)}",
-        "mode: trinary",
-        f"resolution: {_number(cells.resolution)}",
-        f"origin: [{x}, {y}, 0.0]",
-        "negate: 0",
-        f"occupied_thresh: {OCCUPIED_THRESHOLD}",
-        f"free_thresh: {FREE_THRESHOLD}",
-    )
-    return "\n".join(lines) + "\n"
-
-
-def _number(value: float) -> str:
-    """Return all digits without an exponent: to some readers of YAML 1e-05 is a text."""
-    return np.format_float_positional(float(value), trim="0")
-
-
-def _plain(name: str) -> str:
-    """Return a name, quoted where YAML would take it for something else."""
-    return name if re.fullmatch(r"[A-Za-z_][\w.-]*", name, re.ASCII) else json.dumps(name, ensure_ascii=False)
-
-
-def pgm_bytes(grey: NDArray[np.uint8]) -> bytes:
-    """Return a binary PGM of (n_rows, n_columns) pixels, the top row first."""
-    n_rows, n_columns = grey.shape
-    return b"P5\n%d %d\n255\n" % (n_columns, n_rows) + np.ascontiguousarray(grey).tobytes()

@@ -12,9 +12,10 @@ import shapely
 from shapely import MultiPolygon
 
 from prf.model.coloring import oriented_polygons
-from prf.output.export.cells import cells_of, cut_to_known, returned, ros_map
+from prf.output.export.cells import cells_of, cut_to_known, returned
 from prf.output.export.drawings import dxf_text, paper_ratio, svg_text
 from prf.output.export.netcdf import netcdf_bytes
+from prf.output.export.ros import MODES, Mode, nav2_parameters, ros_map
 from prf.output.export.source import Source, g2o_text, read_source, require_existing, stem_of, trajectory_of, tum_text
 from prf.results import map_text
 from prf.shell.cli.files import STREAM, encoded, open_output, together
@@ -48,6 +49,11 @@ class Options:
     unknown: tuple[float, float] | None = None
     # of a ROS map: whether a cell is not completely white instead of the colour of its centre
     squares: bool = False
+    mode: Mode = "trinary"  # of a ROS map: how map_server reads its pixels
+    # of a ROS map, metres: the probability that the disc of this radius round a cell's centre is not free
+    radius: float | None = None
+    # of a ROS map: a mask of cells of a probability above this, where a robot shall not go
+    keep_out: float | None = None
     # of a ROS map: the probability that a beam which reaches a cell ends in it, not that its centre is occupied
     returns: bool = False
     resolution: float | None = None  # of a ROS map made from one map: side of a cell in metres
@@ -73,7 +79,7 @@ def export_source(path: str | os.PathLike[str], output: str | None, options: Opt
     require_existing(path)
     name = resolve_format(options.format, output)
     check_options(name, options)
-    files = targets(name, output, stem_of(path))
+    files = targets(name, output, stem_of(path), options.mode)
     for file in files:
         refuse_existing(file, force)
     refuse_inputs(files, [os.fspath(path)])
@@ -108,10 +114,15 @@ def check_options(name: str, options: Options) -> None:
         "--squares": options.squares,
         "--returns": options.returns,
         "--resolution": options.resolution is not None,
+        "--mode": options.mode != MODES[0],
+        "--radius": options.radius is not None,
+        "--keep-out": options.keep_out is not None,
     }
     for flag, given in only_ros.items():
         if given and name != ROS_MAP:
             raise UsageError(f"{flag} is for --format {ROS_MAP} only, not {name}.")
+    if name == ROS_MAP:
+        _check_ros_map(options)
     if options.returns and (options.squares or options.draw is not None):
         raise UsageError("--returns is of all draws and of whole cells: leave --squares and --draw out.")
     if options.extrapolate is not None and name in (NETCDF, TUM, G2O):
@@ -120,29 +131,44 @@ def check_options(name: str, options: Options) -> None:
         raise UsageError(f"--extrapolate {options.extrapolate:g}: must be a number of metres of at least 0.")
     if options.draw is not None and name in (NETCDF, G2O):
         raise UsageError(f"--draw is for maps; --format {name} is of all draws.")
+
+
+def _check_ros_map(options: Options) -> None:
+    """Refuse options of a ROS map that do not go together, and values outside their domain (UsageError)."""
     if options.unknown is not None and not 0.0 <= options.unknown[0] <= options.unknown[1] <= 1.0:
         low, high = options.unknown
         raise UsageError(f"--unknown {low:g} {high:g}: needs two probabilities, the lower one first.")
     if options.resolution is not None and not 0.0 < options.resolution < float("inf"):
         raise UsageError(f"--resolution {options.resolution:g}: must be a positive number of metres.")
+    if options.mode != MODES[0] and (options.unknown is not None or options.keep_out is not None):
+        raise UsageError(f"--mode {options.mode} serves the probability itself: leave --unknown and --keep-out out.")
+    if options.unknown is not None and options.keep_out is not None:
+        raise UsageError("--keep-out P is a mask with one threshold: leave --unknown out.")
+    if options.keep_out is not None and not 0.0 <= options.keep_out < 1.0:
+        raise UsageError(f"--keep-out {options.keep_out:g}: must be a probability below 1.")
+    if options.radius is not None and not 0.0 < options.radius < float("inf"):
+        raise UsageError(f"--radius {options.radius:g}: must be a positive number of metres.")
+    if options.radius is not None and (options.squares or options.returns):
+        raise UsageError("--radius asks for discs: leave --squares and --returns out.")
 
 
-def targets(name: str, output: str | None, stem: str) -> tuple[str, ...]:
-    """Return the files that an export writes: one, or for a ROS map the yaml file and the image.
+def targets(name: str, output: str | None, stem: str, mode: Mode = "trinary") -> tuple[str, ...]:
+    """Return the files that an export writes: one, or for a ROS map the yaml file, the image and parameters of Nav2.
 
     `name`: the format. `output`: as the user gave it. Of a ROS map the name of either file, or their common stem.
-    `stem`: names the output if the user did not.
+    `stem`: names the output if the user did not. `mode`: of a ROS map; an image that can be transparent is a PNG.
     """
     if output == STREAM and name in (ROS_MAP, NETCDF):
-        what = "is a pair of files" if name == ROS_MAP else "is binary"
+        what = "is several files" if name == ROS_MAP else "is binary"
         raise UsageError(f"--format {name} {what} and cannot go to standard output. Name a file with -o.")
     if name != ROS_MAP:
         return (output if output is not None else stem + SUFFIXES[name][0],)
     given = PurePath(stem if output is None else output)
-    if output is not None and given.suffix.lower() in (".yaml", ".yml"):
-        return str(given), str(given.with_suffix(".pgm"))
-    base = given.with_suffix("") if output is not None and given.suffix.lower() == ".pgm" else given
-    return f"{base}.yaml", f"{base}.pgm"
+    is_yaml = output is not None and given.suffix.lower() in (".yaml", ".yml")
+    is_named = is_yaml or (output is not None and given.suffix.lower() == ".pgm")
+    base = given.with_suffix("") if is_named else given
+    image = f"{base}.png" if mode == "scale" else f"{base}.pgm"
+    return str(given) if is_yaml else f"{base}.yaml", image, f"{base}.nav2.yaml"
 
 
 def notes_on(source: Source, facts: Mapping[str, Any]) -> list[str]:
@@ -168,7 +194,7 @@ def _content(
         text = g2o_text(source) if name == G2O else tum_text(source, options.draw)
         return ((text,), {"n_poses": figures.pop("n"), **figures})
     if name == ROS_MAP:
-        return _ros_map(source, options, PurePath(files[1]).name)
+        return _ros_map(source, options, *(PurePath(file).name for file in files[:2]))
     chosen = source.choose_map(options.draw)
     if options.draw is None:
         chosen = cut_to_known(chosen, source.image, options.extrapolate or 0.0)
@@ -199,19 +225,25 @@ def _printable(title: str) -> str:
     return "".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in plain)
 
 
-def _ros_map(source: Source, options: Options, image_name: str) -> tuple[tuple[str, bytes], dict[str, Any]]:
-    extrapolate, cells = options.extrapolate or 0.0, None
+def _ros_map(
+    source: Source, options: Options, yaml_name: str, image_name: str
+) -> tuple[tuple[str | bytes, ...], dict[str, Any]]:
+    extrapolate, radius, cells = options.extrapolate or 0.0, options.radius or 0.0, None
     if options.returns:
         cells = returned(source.require_run("returns"), options.resolution, extrapolate)
         if cells is None:
             raise InputError(f"{source.path}: it used no laser, so that it has no p_return. Leave --returns out.")
     else:
-        cells = cells_of(source, options.draw, extrapolate, squares=options.squares, resolution=options.resolution)
-    yaml, image, counts = ros_map(cells, options.unknown, image_name)
+        asked: dict[str, Any] = {"squares": options.squares, "radius": radius, "resolution": options.resolution}
+        cells = cells_of(source, options.draw, extrapolate, **asked)
+    is_mask = options.keep_out is not None
+    band = (options.keep_out, options.keep_out) if options.keep_out is not None else options.unknown
+    yaml, image, counts = ros_map(cells, band, image_name, options.mode)
     n_rows, n_columns = cells.probability.shape
-    what = "p_return" if options.returns else "p_occupied"
-    facts = {"probability": what, "n_columns": n_columns, "n_rows": n_rows, "resolution": cells.resolution, **counts}
-    return (yaml, image), facts
+    what = "p_return" if options.returns else "p_not_free" if radius else "p_occupied"
+    facts = {"probability": what, "mode": options.mode, "n_columns": n_columns, "n_rows": n_rows}
+    facts |= {"resolution": cells.resolution, **counts}
+    return (yaml, image, nav2_parameters(yaml_name, options.mode, is_mask, radius)), facts
 
 
 def _netcdf(source: Source) -> tuple[tuple[bytes], dict[str, Any]]:

@@ -8,16 +8,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 from matplotlib.image import imread
+from scipy import ndimage
 
 from prf.model.coloring import black_at
 from prf.model.layout import image_grid, pixel_centres
 from prf.model.window import Window
 from prf.output.export import Options, export_source
-from prf.output.export.cells import Raster, cells_of, pgm_bytes, ros_map
+from prf.output.export.cells import Raster, cells_of
+from prf.output.export.ros import pgm_bytes, png_bytes, ros_map
 from prf.output.export.source import read_source
 from prf.output.run import read_run
 from prf.results import write_run
-from prf.results.estimate import occupied_probability
+from prf.results.estimate import occupied_probability, path_free
 from prf.results.occupancy import OccupancyGrid, write_grid
 from prf.shell.errors import InputError, UsageError
 from tests.factories import make_run
@@ -97,7 +99,7 @@ def test_a_run_from_its_directory_to_the_server(folder: Path, tmp_path: Path, sq
     np.testing.assert_array_equal(served.data, np.where(p > 0.65, 100, np.where(p < 0.196, 0, -1)))
     assert (served.resolution, served.origin) == (image.resolution, [*image.origin.tolist(), 0.0])
     assert np.isnan(p[-1]).all(), "the window ends before the last row's centres"
-    assert [Path(file["path"]).name for file in done.files] == ["office.yaml", "office.pgm"]
+    assert [Path(file["path"]).name for file in done.files] == ["office.yaml", "office.pgm", "office.nav2.yaml"]
     assert [file["bytes"] for file in done.files] == [Path(file["path"]).stat().st_size for file in done.files]
 
 
@@ -160,6 +162,107 @@ def test_returns_are_those_of_a_beam_that_comes_to_a_cell(folder: Path, tmp_path
     p = run.return_probability(centres[known])
     np.testing.assert_array_equal(served.data.ravel()[known], np.where(p > 0.65, 100, np.where(p < 0.196, 0, -1)))
     assert len(np.unique(served.data[served.data >= 0])) == 2
+
+
+@pytest.mark.parametrize("mode", ["scale", "raw"])
+@pytest.mark.parametrize("ros", [1, 2])
+def test_percent_is_served_to_the_percent_and_the_unknown_as_such(ramp: Raster, tmp_path: Path, mode, ros) -> None:
+    image = "map.png" if mode == "scale" else "map.pgm"
+    yaml, pixels, counts = ros_map(ramp, None, image, mode)
+    (tmp_path / "map.yaml").write_text(yaml)
+    (tmp_path / image).write_bytes(pixels)
+    served = map_server.load(tmp_path / "map.yaml", ros).data
+    known = np.isfinite(ramp.probability)
+    percent = np.rint(100.0 * ramp.probability[known].astype(float))
+    assert counts == {"n_known": known.sum(), "n_unknown": 2}
+    if mode == "scale" and ros == 1:  # 99 parts of a hundred, cut off; certainty, transparent or not, is not unknown
+        assert np.abs(served[known] - percent).max() <= 2
+        return
+    assert (served[~known] == -1).all()
+    np.testing.assert_array_equal(served[known], percent)
+
+
+def test_a_png_is_read_by_others(tmp_path: Path) -> None:
+    pixels = np.random.default_rng(3).integers(0, 256, (7, 11, 4), dtype=np.uint8)
+    (tmp_path / "a.png").write_bytes(png_bytes(pixels))
+    np.testing.assert_array_equal(np.rint(255 * imread(tmp_path / "a.png")), pixels)
+
+
+@pytest.mark.parametrize("radius", [0.05, 0.4, 1.3])
+def test_a_cell_of_a_radius_is_what_a_disc_there_is_asked_by_query(folder: Path, tmp_path: Path, radius: float) -> None:
+    run = read_run(folder)
+    own = Options(format="ros-map", mode="raw", radius=radius, resolution=0.4)
+    done = export_source(folder, str(tmp_path / "disc.yaml"), own)
+    assert done.facts["probability"] == "p_not_free"
+    served = map_server.load(tmp_path / "disc.yaml").data.ravel()
+    centres = pixel_centres(image_grid(run.draws.window, 0.4))
+    known = run.draws.window.contains(centres) & run.image.seen_at(centres)
+    np.testing.assert_array_equal(served == -1, ~known)
+    free = [path_free(run.draws, centre[None], radius) for centre in centres[known]]
+    p = cells_of(read_source(folder), radius=radius, resolution=0.4).probability.ravel()[known]
+    np.testing.assert_allclose(p, 1.0 - np.array(free), atol=1e-12)
+    np.testing.assert_array_equal(served[known], np.rint(100.0 * p))
+    assert len(np.unique(served)) > 5
+
+
+def test_inflation_by_draws_is_not_that_of_the_mean(folder: Path) -> None:
+    """A disc meets one wall or another in different draws: more often than any of its cells is occupied."""
+    source = read_source(folder)
+    plain = cells_of(source, extrapolate=100.0, resolution=0.2).probability
+    disc = cells_of(source, extrapolate=100.0, radius=0.5, resolution=0.2).probability
+    inside = np.isfinite(plain)
+    assert (disc[inside] >= plain[inside] - 1e-9).all()
+    rows, columns = np.mgrid[-2:3, -2:3]
+    near = ((rows**2 + columns**2) * 0.2**2 <= 0.5**2).astype(bool)
+    swollen = ndimage.maximum_filter(np.nan_to_num(plain), footprint=near)
+    assert (disc[inside] > swollen[inside] + 0.1).any()
+
+
+def test_a_mask_keeps_out_of_cells_above_its_probability(folder: Path, tmp_path: Path) -> None:
+    own = Options(format="ros-map", radius=0.3, keep_out=0.1, resolution=0.4)
+    export_source(folder, str(tmp_path / "mask"), own)
+    served = map_server.load(tmp_path / "mask.yaml").data
+    p = cells_of(read_source(folder), radius=0.3, resolution=0.4).probability
+    np.testing.assert_array_equal(served, np.where(p > 0.1, 100, np.where(p < 0.1, 0, -1)))
+    written = (tmp_path / "mask.nav2.yaml").read_text()
+    assert 'yaml_filename: "mask.yaml"' in written
+    assert "nav2_costmap_2d::KeepoutFilter" in written
+
+
+@pytest.mark.parametrize("mode", ["trinary", "scale", "raw"])
+def test_parameters_of_nav2_name_the_map_and_say_how_costs_are_made(folder: Path, tmp_path: Path, mode) -> None:
+    yaml = pytest.importorskip("yaml")
+    export_source(folder, str(tmp_path / "a b.yaml"), Options(format="ros-map", mode=mode, resolution=1.0))
+    written = yaml.safe_load((tmp_path / "a b.nav2.yaml").read_text())
+    assert written["map_server"]["ros__parameters"]["yaml_filename"] == "a b.yaml"
+    costmap = written["global_costmap"]["global_costmap"]["ros__parameters"]
+    assert costmap["track_unknown_space"] is True
+    assert costmap.get("trinary_costmap", True) == (mode == "trinary")
+    mask = tmp_path / "m.yaml"
+    export_source(folder, str(mask), Options(format="ros-map", keep_out=0.2, resolution=1.0))
+    written = yaml.safe_load(mask.with_suffix(".nav2.yaml").read_text())
+    topics = {written[name]["ros__parameters"][key] for name, key in MASK_TOPICS}
+    assert topics == {"keepout_filter_mask"}
+
+
+MASK_TOPICS = (("filter_mask_server", "topic_name"), ("costmap_filter_info_server", "mask_topic"))
+
+
+def test_options_of_costmaps_that_do_not_go_together(folder: Path, tmp_path: Path) -> None:
+    for options, words in (
+        ({"mode": "raw", "unknown": (0.1, 0.2)}, "leave --unknown and --keep-out out"),
+        ({"keep_out": 0.1, "unknown": (0.1, 0.2)}, "leave --unknown out"),
+        ({"keep_out": 1.0}, "below 1"),
+        ({"radius": 0.0}, "positive number of metres"),
+        ({"radius": 0.3, "returns": True}, "leave --squares and --returns out"),
+    ):
+        with pytest.raises(UsageError, match=words):
+            export_source(folder, str(tmp_path / "a.yaml"), Options(format="ros-map", **options))
+    with pytest.raises(UsageError, match="--radius is for --format ros-map only"):
+        export_source(folder, str(tmp_path / "a.svg"), Options(format="svg", radius=0.3))
+    write_grid(tmp_path / "a.grid.npz", OccupancyGrid(*np.zeros((3, 2, 2), np.int32), np.zeros(2), 0.1))
+    with pytest.raises(UsageError, match="a GRID has no whole maps"):
+        export_source(tmp_path / "a.grid.npz", str(tmp_path / "a.yaml"), Options(format="ros-map", radius=0.3))
 
 
 def test_a_grid_serves_what_was_seen(tmp_path: Path) -> None:
