@@ -67,6 +67,10 @@ KeepOut = Annotated[
     float | None,
     typer.Option("--keep-out", metavar="P", help="ros-map: a mask for Nav2's keep-out filter, above this."),
 ]
+Simplify = Annotated[
+    float | None,
+    typer.Option("--simplify", metavar="METRES", help="dxf, svg: by which outlines may be off.  [dxf 0.05, svg 0]"),
+]
 Extrapolate = Annotated[
     float | None,
     typer.Option(
@@ -88,6 +92,7 @@ def export(
     mode: AsMode = "trinary",
     radius: Radius = None,
     keep_out: KeepOut = None,
+    simplify: Simplify = None,
     extrapolate: Extrapolate = None,
     output: Output = None,
     json: Json = False,
@@ -95,7 +100,8 @@ def export(
 ) -> None:
     """Write a map for other programs: GeoJSON, ROS map_server, SVG, DXF, netCDF; or its trajectory: TUM, g2o.
 
-    geojson, svg and dxf take the polygons of the best map, ros-map the posterior probability of each cell, netcdf the
+    geojson, svg and dxf take the polygons of the best map, dxf with fewer vertices and on layers by how probable each
+    piece of an outline is, ros-map the posterior probability of each cell, netcdf the
     values that were watched in every draw, for ArviZ, tum the means of poses that were sampled, g2o
     the steps between them too, with their information. What no reading saw is unknown in a ros-map, and polygons end
     half a metre beyond what was seen. ros-map writes a yaml file, the image it names, and parameters by which Nav2
@@ -118,6 +124,7 @@ def export(
         returns=returns,
         resolution=resolution,
         extrapolate=extrapolate,
+        simplify=simplify,
     )
     done = export_source(source, output, options, force)
     for note in done.notes:

@@ -177,7 +177,7 @@ def cut_to_known(found: Map, image: PosteriorImage | None, extrapolate: float) -
     if image is None or image.seen.all():
         return found
     area = occupied_polygons(found.coloring)
-    ground = known_ground(image, max(extrapolate, WALL))
+    ground = shapely.simplify(known_ground(image, max(extrapolate, WALL)), image.resolution)  # no stairs of cells
     parts = [part for part in area.geoms if shapely.intersects(part, ground)]
     near = shapely.MultiPolygon(parts)
     for region in (shapely.intersection(near, ground), near):

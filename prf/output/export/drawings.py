@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from xml.sax.saxutils import escape
 
 import numpy as np
@@ -12,14 +12,22 @@ from numpy.typing import NDArray
 from shapely import MultiPolygon, Polygon
 
 from prf.model.window import Window
+from prf.output.export.outlines import LAYERS, OCCUPIED, Line
 from prf.shell.errors import require
 
 MAX_SIDE = 0.4  # metres of paper: the longer side of an A3 page with margins
 DECIMALS = 4  # a tenth of a millimetre in the world
 STRIP = 0.06  # height of the strip with the scale bar below the map, as a share of the window's longer side
 VERSION = "R2010"  # the first whose text is UTF-8 and that every CAD program in use reads
-OCCUPIED, OUTLINE = "OCCUPIED", "OUTLINE"
-BLACK_OR_WHITE, GREY = 7, 8  # numbers of the AutoCAD colour index
+OUTLINE = "OUTLINE"
+LAYER_STYLES = {
+    OCCUPIED: (7, "CONTINUOUS", "outlines of one map"),
+    LAYERS[0][1]: (7, "CONTINUOUS", "outlines that 90 % of the draws have or more"),
+    LAYERS[1][1]: (30, "CONTINUOUS", "outlines that 50 to 90 % of the draws have"),
+    LAYERS[2][1]: (1, "DASHED", "outlines that fewer than half of the draws have"),
+    OUTLINE: (8, "CONTINUOUS", "window of the map"),
+}
+"""Colour (AutoCAD index: 7 black or white, 30 orange, 1 red, 8 grey), line type and words of each layer."""
 
 
 def svg_text(area: MultiPolygon, window: Window, title: str) -> str:
@@ -99,23 +107,23 @@ def _number(value: float) -> str:
     return np.format_float_positional(round(value, DECIMALS) + 0.0, trim="-")
 
 
-def dxf_text(area: MultiPolygon, window: Window, title: str) -> str:
+def dxf_text(lines: Sequence[Line], window: Window, title: str) -> str:
     """Return the text of a DXF file.
 
-    `area`: the occupied area in metres. Each ring, holes too, is a closed polyline on the layer ``OCCUPIED``; outer
-    rings run counter-clockwise and holes clockwise. `window`: a closed polyline on the layer ``OUTLINE``. `title`: for
-    the drawing's properties.
+    `lines`: outlines of the occupied area as polylines on their layers (:data:`prf.output.export.outlines.LAYERS`);
+    outer rings run counter-clockwise and holes clockwise. `window`: a closed polyline on the layer ``OUTLINE``.
+    `title`: for the drawing's properties.
     """
     ezdxf = require("ezdxf", "dxf", "--format dxf")
-    document = ezdxf.new(VERSION, units=ezdxf.units.M)
+    document = ezdxf.new(VERSION, setup=["linetypes"], units=ezdxf.units.M)
     document.header["$MEASUREMENT"] = 1  # metric line types
     document.header.custom_vars.append("Title", title)
-    document.layers.add(OCCUPIED, color=BLACK_OR_WHITE)
-    document.layers.add(OUTLINE, color=GREY)
+    for name, (colour, line_type, words) in LAYER_STYLES.items():
+        document.layers.add(name, color=colour, linetype=line_type).description = words
     space = document.modelspace()
-    for polygon in area.geoms:
-        for ring in (polygon.exterior, *polygon.interiors):
-            space.add_lwpolyline(list(ring.coords)[:-1], format="xy", close=True, dxfattribs={"layer": OCCUPIED})
+    for line in lines:
+        attributes = {"layer": line.layer}
+        space.add_lwpolyline(line.xy.tolist(), format="xy", close=line.is_closed, dxfattribs=attributes)
     space.add_lwpolyline(_corners(window), format="xy", close=True, dxfattribs={"layer": OUTLINE})
     document.set_modelspace_vport(height=1.1 * max(window.width, window.height), center=window.centre)
     text = io.StringIO()

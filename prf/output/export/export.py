@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import PurePath
@@ -15,6 +16,7 @@ from prf.model.coloring import oriented_polygons
 from prf.output.export.cells import cells_of, cut_to_known, returned
 from prf.output.export.drawings import dxf_text, paper_ratio, svg_text
 from prf.output.export.netcdf import netcdf_bytes
+from prf.output.export.outlines import SIMPLIFIED, outlines, simplified
 from prf.output.export.ros import MODES, Mode, nav2_parameters, ros_map
 from prf.output.export.source import Source, g2o_text, read_source, require_existing, stem_of, trajectory_of, tum_text
 from prf.results import map_text
@@ -59,6 +61,8 @@ class Options:
     resolution: float | None = None  # of a ROS map made from one map: side of a cell in metres
     # metres beyond the cells that readings saw up to which a RUN or a GRID is exported as it has it; None: 0
     extrapolate: float | None = None
+    # of a drawing: metres by which outlines may be off, with fewer vertices; None: `SIMPLIFIED` of DXF, 0 of SVG
+    simplify: float | None = None
 
 
 class Exported(NamedTuple):
@@ -129,6 +133,10 @@ def check_options(name: str, options: Options) -> None:
         raise UsageError(f"--extrapolate is for maps, not for --format {name}.")
     if options.extrapolate is not None and not 0.0 <= options.extrapolate < float("inf"):
         raise UsageError(f"--extrapolate {options.extrapolate:g}: must be a number of metres of at least 0.")
+    if options.simplify is not None and name not in (SVG, DXF):
+        raise UsageError(f"--simplify is for --format {SVG} and {DXF} only, not {name}.")
+    if options.simplify is not None and not 0.0 <= options.simplify < float("inf"):
+        raise UsageError(f"--simplify {options.simplify:g}: must be a number of metres of at least 0.")
     if options.draw is not None and name in (NETCDF, G2O):
         raise UsageError(f"--draw is for maps; --format {name} is of all draws.")
 
@@ -198,12 +206,20 @@ def _content(
     chosen = source.choose_map(options.draw)
     if options.draw is None:
         chosen = cut_to_known(chosen, source.image, options.extrapolate or 0.0)
-    area, window = oriented_polygons(chosen.coloring), chosen.coloring.window
+    whole, window = oriented_polygons(chosen.coloring), chosen.coloring.window
+    tolerance = SIMPLIFIED if options.simplify is None and name == DXF else options.simplify or 0.0
+    area = simplified(whole, tolerance)
     facts, title = {"map": chosen.title, **_counts(area)}, _printable(chosen.title)
+    if tolerance > 0.0:
+        facts["n_vertices_before"] = _counts(whole)["n_vertices"]
     if name == GEOJSON:
         return ((map_text(chosen.coloring, chosen.properties),), facts)
     if name == DXF:
-        return ((dxf_text(area, window, title),), facts)
+        draws = None if source.run is None or options.draw is not None else source.run.draws
+        lines = outlines(area, draws, tolerance)
+        counts = Counter(line.layer for line in lines)
+        facts |= {f"n_{layer}": counts[layer] for layer in sorted(counts)}
+        return ((dxf_text(lines, window, title),), facts)
     return ((svg_text(area, window, title),), {**facts, "scale": f"1:{paper_ratio(window):g}"})
 
 

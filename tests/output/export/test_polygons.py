@@ -6,8 +6,10 @@ import dataclasses
 import importlib.util
 import io
 import json
+import math
 import re
 import xml.etree.ElementTree as ElementTree
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -28,11 +30,12 @@ from prf.output.export.cells import WALL, cut_to_known
 from prf.output.export.drawings import dxf_text, paper_ratio, svg_text
 from prf.output.export.export import _counts as counts
 from prf.output.export.netcdf import align_chains
+from prf.output.export.outlines import APART, _parted, edge_probability, outlines, simplified
 from prf.output.export.source import Map
 from prf.output.run import Run
 from prf.results import PosteriorImage, map_text, read_map_feature, write_run
-from prf.shell.errors import InputError
-from tests.factories import WINDOW, make_run, random_draws
+from prf.shell.errors import InputError, UsageError
+from tests.factories import WINDOW, make_room_run, make_run, random_draws
 
 SVG = "{http://www.w3.org/2000/svg}"
 MAPS = [*random_draws(5, 4), Coloring.empty(WINDOW), Coloring.empty(WINDOW, black=True)]
@@ -127,7 +130,7 @@ def test_svg_states_its_scale(window: Window, ratio: int) -> None:
 @pytest.mark.parametrize("coloring", MAPS)
 def test_dxf_is_sound_and_has_every_ring(coloring: Coloring) -> None:
     area = oriented_polygons(coloring)
-    document = read_dxf(dxf_text(area, WINDOW, "office, best map"))
+    document = read_dxf(dxf_text(outlines(area, None, 0.0), WINDOW, "office, best map"))
     audit = document.audit()
     assert (audit.errors, audit.fixes) == ([], [])
     assert (document.units, document.header["$MEASUREMENT"]) == (6, 1), "metres"
@@ -147,12 +150,87 @@ def test_dxf_is_sound_and_has_every_ring(coloring: Coloring) -> None:
 
 def test_dxf_keeps_coordinates_to_the_last_bit() -> None:
     area = oriented_polygons(MAPS[0])
-    document = read_dxf(dxf_text(area, WINDOW, "map"))
+    document = read_dxf(dxf_text(outlines(area, None, 0.0), WINDOW, "map"))
     written = {
         corner for polygon in area.geoms for ring in (polygon.exterior, *polygon.interiors) for corner in ring.coords
     }
     lines = document.modelspace().query('LWPOLYLINE[layer=="OCCUPIED"]')
     assert {(float(x), float(y)) for line in lines for x, y in line.get_points("xy")} == written
+
+
+# Fewer vertices, and layers by probability.
+
+
+@pytest.mark.parametrize("coloring", MAPS)
+@pytest.mark.parametrize("tolerance", [0.05, 0.3])
+def test_simplified_outlines_are_near_and_have_fewer_vertices(coloring: Coloring, tolerance: float) -> None:
+    area = oriented_polygons(coloring)
+    found = simplified(area, tolerance)
+    assert shapely.is_valid(found)
+    assert len(found.geoms) == len(area.geoms)
+    if not area.is_empty:
+        assert shapely.hausdorff_distance(found.boundary, area.boundary, densify=0.05) <= tolerance + 1e-9
+        assert shapely.get_num_coordinates(found) <= shapely.get_num_coordinates(area)
+    assert simplified(area, 0.0) is area
+
+
+def test_a_ring_of_many_vertices_on_straight_walls_becomes_its_corners() -> None:
+    rng = np.random.default_rng(2)
+    along = np.linspace(0.0, 4.0, 60)[:-1]
+    sides = [(along, 0), (4, along), (4 - along, 4), (0, 4 - along)]
+    ring = np.concatenate([np.column_stack(np.broadcast_arrays(x, y)) for x, y in sides])
+    ring = ring + rng.uniform(-0.01, 0.01, ring.shape)
+    found = simplified(shapely.MultiPolygon([shapely.Polygon(ring)]), 0.05)
+    assert len(found.geoms[0].exterior.coords) - 1 <= 6
+
+
+def test_the_probability_of_an_edge_is_the_share_of_draws_with_a_wall_along_it() -> None:
+    """By the definition, draw by draw and place by place, for draws and for edges of theirs and others."""
+    draws = Draws.from_colorings(random_draws(5, 12))
+    rng = np.random.default_rng(3)
+    begin, end = rng.uniform(WINDOW[:2], WINDOW[2:], (2, 30, 2))
+    begin[:10], end[:10] = draws[0].xy[draws[0].edges[:10]].transpose(1, 0, 2)
+    found = edge_probability(draws, begin, end, 0.2)
+    expected = []
+    for a, b in zip(begin, end, strict=True):
+        n = max(1, math.ceil(math.dist(a, b) / APART))
+        boxes = [shapely.box(*(p - 0.2), *(p + 0.2)) for p in a + (np.arange(n)[:, None] + 0.5) / n * (b - a)]
+        walls = [shapely.MultiLineString(list(one.xy[one.edges])) for one in draws]
+        expected.append(np.mean([[wall.intersects(box) for box in boxes] for wall in walls]))
+    np.testing.assert_allclose(found, expected)
+    assert (found[:10] >= 1.0 / 12.0).all()
+
+
+def test_rings_are_parted_where_the_layer_changes_and_joined_across_their_beginning() -> None:
+    xy = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+    assert [line.is_closed for line in _parted(xy, ["a"] * 4)] == [True]
+    lines = _parted(xy, ["a", "b", "b", "a"])
+    assert [(line.layer, line.xy.tolist()) for line in lines] == [
+        ("b", [[1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]),
+        ("a", [[0.0, 1.0], [0.0, 0.0], [1.0, 0.0]]),
+    ]
+    assert not any(line.is_closed for line in lines)
+
+
+def test_layers_of_a_run_are_those_of_its_draws(tmp_path: Path) -> None:
+    """Half of the draws have a cupboard that the others have not: its outline is on another layer than the walls."""
+    run = make_room_run()
+    write_run(tmp_path / "room", run)
+    done = export_source(tmp_path / "room", str(tmp_path / "room.dxf"), Options())
+    document = read_dxf((tmp_path / "room.dxf").read_text())
+    assert (document.audit().errors, document.audit().fixes) == ([], [])
+    layers = Counter(line.dxf.layer for line in document.modelspace())
+    assert layers["WALL-90"] > 0
+    assert layers["OCCUPIED"] == 0
+    assert done.facts["n_vertices_before"] >= done.facts["n_vertices"]
+    assert {name: n for name, n in layers.items() if name != "OUTLINE"} == {
+        key.removeprefix("n_"): value for key, value in done.facts.items() if key.startswith("n_WALL")
+    }
+    export_source(tmp_path / "room", str(tmp_path / "draw.dxf"), Options(draw=0))
+    layers = {line.dxf.layer for line in read_dxf((tmp_path / "draw.dxf").read_text()).modelspace()}
+    assert layers == {"OCCUPIED", "OUTLINE"}
+    with pytest.raises(UsageError, match="--simplify is for"):
+        export_source(tmp_path / "room", str(tmp_path / "a.geojson"), Options(simplify=0.1))
 
 
 # Polygons end where nothing is known.
