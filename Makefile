@@ -27,7 +27,8 @@ demo: setup ## map four rooms until the chains agree, assess a town; leaves a pa
 	@echo "open demo/rooms.html and demo/town.html in a browser"
 
 test: setup ## all tests but the slow ones
-	$(BIN)/python -m tests.warm_kernels
+	@echo "compiling what the tests call, once; some minutes in a fresh checkout"
+	@$(BIN)/python -m tests.warm_kernels > /dev/null
 	NUMBA_DISABLE_JIT=1 $(PYTEST) -n 2 --dist loadfile -m "uncompiled and not slow" tests/kernels
 	$(PYTEST) -n 2 -m "not uncompiled and not slow" --ignore tests/test_house.py
 

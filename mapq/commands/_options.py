@@ -11,6 +11,7 @@ import typer
 
 from mapq.configuration import AS_IT_IS, typed_keys
 from prf.shell.cli.files import STREAM
+from prf.shell.cli.outputs import beside
 
 if TYPE_CHECKING:
     from mapq.cloud import PointCloud
@@ -41,10 +42,10 @@ def load_model(path: str | None, max_false_alarms: float | None) -> Model | None
     return with_false_alarms(model or read_default_model(), max_false_alarms, path or "the model of the package")
 
 
-def beside(path: str, suffix: str) -> str:
+def named_after(path: str, suffix: str) -> str:
     """Return the default name of an output: that of `path` with another suffix; "." has the name of its folder."""
     file = Path(path if Path(path).name not in ("", "..") else os.path.abspath(path))
-    return str(file.with_name(file.name.removesuffix(".gz")).with_suffix(suffix))
+    return beside(file, Path(file.name.removesuffix(".gz")).with_suffix(suffix).name)
 
 
 OF_SCANS = {"poses", "calibration", "pattern", "every", "submaps"}
@@ -76,9 +77,10 @@ def default_name(inputs: Sequence[str], suffix: str) -> str:
     "." has the name of its folder.
     """
     if len(inputs) == 1 and not os.path.isdir(inputs[0]):
-        return beside(inputs[0], suffix)
+        return named_after(inputs[0], suffix)
     folder = inputs[0] if len(inputs) == 1 else os.path.dirname(inputs[0]) or "."
-    return (os.path.abspath(folder) if set(folder) <= {".", os.sep} else folder.rstrip(os.sep)) + suffix
+    place = os.path.abspath(folder) if set(folder) <= {".", os.sep} else folder.rstrip(os.sep)
+    return beside(place, os.path.basename(place) + suffix)
 
 
 def read_scans(inputs: Sequence[str], settings: Configuration) -> PointCloud:

@@ -48,17 +48,17 @@ def render(
 ) -> None:
     """Draw a map in plan view and in 3D, plausible blue and suspicious red.
 
-    The suffix of the output chooses PNG, SVG or PDF; without -o the picture is a PNG in the current folder.
+    The suffix of the output chooses PNG, SVG or PDF; without -o the picture is a PNG beside the input.
     """
     from mapq.report.drawing import read_picture
     from prf.shell.cli.files import STREAM
-    from prf.shell.cli.outputs import claim_output
+    from prf.shell.cli.outputs import beside, claim_output
     from prf.shell.cli.pictures import picture_format, save
     from prf.shell.errors import UsageError
 
     if (colour == "field") != (field is not None):
         raise UsageError("--colour field and --field NAME go together.")
-    target = output or f"{PurePath(file).stem if file != STREAM else 'map'}.png"
+    target = output or beside(file, f"{PurePath(file).stem if file != STREAM else 'map'}.png")
     picture_format(target)
     claim_output(target, force, inputs=[file])
     picture = read_picture(file, colour, field, cloud_options(file, settings))

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from mapq.commands._options import beside
+from mapq.commands._options import default_name, named_after
 from prf.shell.cli.options import Force, Output
 
 logger = logging.getLogger(__name__)
@@ -47,7 +47,7 @@ def report(
     from prf.shell.cli.outputs import claim_output
 
     folder = os.path.isdir(result)
-    target = output or (f"{os.path.normpath(result)}.html" if folder else beside(result, ".html"))
+    target = output or (default_name([result], ".html") if folder else named_after(result, ".html"))
     inputs = [result, os.path.splitext(result)[0] + ".json"]
     claim_output(target, force, inputs=inputs, suffixes=(".html", ".htm"))
     findings = read_findings(result)

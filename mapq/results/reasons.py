@@ -12,7 +12,7 @@ from scipy.sparse.csgraph import connected_components
 
 from mapq.crf import Terms
 from mapq.crf.explain import BASE, NEIGHBOUR_LABEL, NO_OTHER
-from mapq.crf.trees import LOW_RATIO, SURELY, TOLERANCE
+from mapq.crf.trees import ACROSS, LOW_RATIO, OFFSET_RATIO, OVER, SURELY, TOLERANCE
 from mapq.features.context import DISAGREEMENT
 from mapq.features.copies import COLUMNS
 from mapq.features.table import PatchFeatures
@@ -29,6 +29,17 @@ MEASURES = {
 
 CONFLICTS = "sum_of_conflicts"
 """Column of the trees: W (A + R) of all pairs of a patch."""
+
+OF_PAIRS = ("over_", OVER, ACROSS)
+"""How columns of the trees begin that are of the surface that lies over a patch, or crosses it, most."""
+WORDS = {
+    OVER: "weighted overlap with the surface over it",
+    ACROSS: "weighted crossing with the surface across it",
+    "over_partly_covered": "how far the surface over it covers a part of it alone:",
+    "over_unlike_height": "how unlike in height the surface over it is:",
+    "over_facing_away": "how far the surface over it was seen from the other side:",
+    OFFSET_RATIO: "distance of the surface over it, in tolerances:",
+}
 
 GROUPS = {
     **dict.fromkeys((*DISAGREEMENT, "n_scans", "seen_by_several"), "disagreement"),
@@ -114,7 +125,7 @@ class Reasons:
             return Reason(f"conflicts with its neighbours add up to {value:.2f}", gain, None, {name: value})
         measure, words = MEASURES.get(name, ("", ""))
         if measure not in self._features.shape_names:
-            return Reason(f"{name} {value:.3g}", gain, None, {name: value})
+            return Reason(plain_words(name, value), gain, None, {name: value})
         known = float(self._features.shape[patch, self._features.shape_names.index(measure)])
         return Reason(words % known, gain, None, {measure: known})
 
@@ -131,6 +142,13 @@ class Reasons:
         return Reason(pair_words(values, other), gain, other, measures | {name: values[name] for name in PAIR_SHARES})
 
 
+def plain_words(name: str, value: float) -> str:
+    """Return the reason that a column of the trees gives by itself."""
+    if name.startswith(OF_PAIRS) and (not np.isfinite(value) or value == 0.0):
+        return "no other surface crosses it" if name == ACROSS else "no other surface lies over it"
+    return f"{WORDS.get(name, name.replace('_', ' '))} {value:.2g}"
+
+
 def group_words(group: str, values: dict[str, float]) -> str:
     """Return the reason that several node features of a patch give together, given all of its node features by name."""
     if group == "disagreement":
@@ -141,9 +159,9 @@ def group_words(group: str, values: dict[str, float]) -> str:
         low, metres, high = (values[name] for name in ("disagreement_low", "disagreement", "disagreement_high"))
         return f"scans that see it disagree by {metres:.2f} m ({low:.2f} to {high:.2f})"
     if not values["shift_support"] > 0.0:
-        return "no shift lays nearby surfaces onto others"
+        return "nearby surfaces would lie on others by no shift"
     far, along, share = values["shift_length"], values["shift_along"], values["shift_support"]
-    return f"a shift by {far:.2f} m, {along:.2f} m along its normal, lays {share:.0%} of nearby surfaces onto others"
+    return f"{share:.0%} of nearby surfaces would lie on others if moved by {far:.2f} m, {along:.2f} m along its normal"
 
 
 def pair_words(values: dict[str, float], other: int) -> str:
@@ -155,7 +173,8 @@ def pair_words(values: dict[str, float], other: int) -> str:
         where = f"at least {inwards:.0%} of the way from the edges to the middle"
         return f"crosses patch {other} at {angle:.3g} degrees, {where}"
     if overlap <= TOUCHING:
-        return f"{values['separation']:.2f} m from patch {other}, at {angle:.0f} degrees, neither over it nor across"
+        away = f"{values['separation']:.2f} m from patch {other}, at {angle:.0f} degrees"
+        return f"{away}, neither overlapping nor crossing it"
     how = f"parallel to patch {other} at" if angle < PARALLEL_DEG else f"at {angle:.0f} degrees over patch {other} at"
     return f"{how} {values['offset']:.2f} m, overlap {100.0 * overlap:.0f} %{context_words(values)}"
 

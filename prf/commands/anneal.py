@@ -105,6 +105,7 @@ def _cool(
     from prf.sampler.anneal import simplified
     from prf.sampler.prepare import describe_readings, read_prepared
     from prf.shell.cli.console import progress
+    from prf.shell.cli.pictures import counted
     from prf.shell.cli.run import graceful_stop
     from prf.shell.cli.storage import spawn_generators
 
@@ -113,7 +114,7 @@ def _cool(
     prepared.announce()
     n_beams = 0 if prepared.target.laser is None else prepared.target.laser.readings.n_beams
     readings = describe_readings(prepared.target, prepared.n_beams_thinned)
-    logger.info(f"{readings}, {config.sampler.chains} chains, seed {seed}")
+    logger.info(f"{readings}, {counted(config.sampler.chains, 'chain')}, seed {seed}")
     pool = ThreadPoolExecutor(threads or len(os.sched_getaffinity(0)))
     with pool, graceful_stop() as stop, progress(1.0, "annealing") as reporter:
         found = cool(

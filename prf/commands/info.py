@@ -176,6 +176,8 @@ def _lines(summary: LogSummary) -> Iterator[tuple[str, str]]:
 
 
 def _rows(summary: LogSummary) -> Iterator[tuple[str, str]]:
+    from prf.poses.plane import length_in_words
+
     fewest, most = summary.beams_per_scan
     yield "log", summary.source
     yield "format", f"{summary.format} ({', '.join(summary.devices)})"
@@ -189,7 +191,7 @@ def _rows(summary: LogSummary) -> Iterator[tuple[str, str]]:
     yield "poses", summary.poses
     if summary.pose_error is not None:
         metres, radians = summary.pose_error
-        yield "pose error", f"about {100.0 * metres:.2g} cm and {radians:.2g} rad, by which scans disagree"
+        yield "pose error", f"about {length_in_words(metres)} and {radians:.2g} rad, by which scans disagree"
     yield "path", f"{summary.path_length:.1f} m long, {_extent(summary.path_extent)}"
     yield "returns", _extent(summary.returns_extent)
     yield "duration", "unknown" if _is_nan(summary.duration) else f"{summary.duration:,.1f} s"

@@ -58,11 +58,11 @@ def render(
 ) -> None:
     """Draw a picture of a run, of a grid, or of draws from the prior.
 
-    The suffix of the output chooses PNG, SVG or PDF; without -o the picture is a PNG in the current folder.
+    The suffix of the output chooses PNG, SVG or PDF; without -o the picture is a PNG beside the input.
     White is free, black occupied, mid-grey unknown.
     """
     from prf.shell.cli.files import STREAM
-    from prf.shell.cli.outputs import claim_output
+    from prf.shell.cli.outputs import beside, claim_output
     from prf.shell.cli.pictures import picture_format
 
     is_run, is_grid = Path(inputs[0]).is_dir(), _is_grid(inputs[0])
@@ -71,7 +71,7 @@ def render(
     if is_grid and (what != "posterior" or draws or outline or path):
         raise UsageError("a GRID has cells only: leave --what, --draws, --outline and --path out.")
     name = Path(inputs[0]).resolve().name + f"-{what}" if is_run else Path(inputs[0]).stem
-    target = output or f"{'draws' if inputs[0] == STREAM else name}.png"
+    target = output or beside(inputs[0], f"{'draws' if inputs[0] == STREAM else name}.png")
     picture_format(target)
     claim_output(target, force, inputs=inputs)
     if is_run:

@@ -43,10 +43,10 @@ def report(
     from prf.output.run import read_run
     from prf.results import names
     from prf.shell.cli.files import STREAM
-    from prf.shell.cli.outputs import claim_output
+    from prf.shell.cli.outputs import beside, claim_output
 
     folder = Path(run) if Path(run).name.strip(".") else Path(run).resolve()
-    target = output or f"{folder}.html"
+    target = output or beside(folder, f"{folder.name}.html")
     inputs = [*(str(Path(run) / name) for name in names.SCHEMAS), *([truth] if truth else [])]
     claim_output(target, force, inputs=inputs, suffixes=(".html", ".htm"))
     source = read_run(run)

@@ -34,7 +34,7 @@ from prf.results.estimate import (
 from prf.results.read import PARTS, read_run_data
 from prf.results.write import remove_stale_outputs, write_run
 from prf.shell.cli.outputs import exclusive, refuse_existing
-from prf.shell.cli.pictures import card
+from prf.shell.cli.pictures import card, counted
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -340,7 +340,7 @@ class Run(RunData):
     def _facts(self) -> dict[str, str]:
         window, diagnosed = self.draws.window, self.diagnostics or {}
         facts = {
-            "draws": f"{len(self.draws):,} of {self.n_chains} chains",
+            "draws": f"{len(self.draws):,} of {counted(self.n_chains, 'chain')}",
             "window": f"{window.width:.4g} x {window.height:.4g} m from ({window.x_min:.4g}, {window.y_min:.4g})",
             "status": str(self.manifest.get("status", "unknown")),
             "agreement": str(diagnosed.get("reason", "unknown")),

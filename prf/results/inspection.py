@@ -20,6 +20,7 @@ from prf.results.occupancy import is_grid, read_grid
 from prf.results.read import read_best, read_draws, read_image, read_readings, read_trajectory
 from prf.results.score import read_occupied_area
 from prf.shell.cli.files import open_input
+from prf.shell.cli.pictures import counted
 from prf.shell.cli.storage import OtherVersion, damaged, load_arrays, load_object, take_array
 from prf.shell.errors import InputError, PrfError
 
@@ -80,7 +81,8 @@ def _summarise_draws(file: Path) -> str:
     chains = len(set(fields["chain"].tolist()))
     edges = fields["draws"].n_edges
     middle = f", {edges.mean():.0f} edges on average" if len(edges) else ""
-    return f"{len(edges)} draws of {chains} chains{middle}; functionals {', '.join(fields['functionals']) or 'none'}"
+    watched = ", ".join(fields["functionals"]) or "none"
+    return f"{counted(len(edges), 'draw')} of {counted(chains, 'chain')}{middle}; functionals {watched}"
 
 
 def _summarise_image(file: Path) -> str:
@@ -112,7 +114,7 @@ def _summarise_trajectory(file: Path) -> str:
     header, *rows = file.read_text(errors="replace").splitlines() or [""]
     if header != names.TRAJECTORY_HEADER:
         raise damaged(file, f"its first line is not {names.TRAJECTORY_HEADER}")
-    return f"{len(rows)} poses, mean and standard deviation"
+    return f"{counted(len(rows), 'pose')}, mean and standard deviation"
 
 
 def _summarise_best(file: Path) -> str:
@@ -131,7 +133,7 @@ def _summarise_checkpoint(file: Path) -> str:
     counts = [take_array(file, arrays, name, np.int64, (None,)) for name in chains]
     if not counts or min(map(len, counts)) <= STEP:
         raise damaged(file, "it has no chains")
-    return f"{len(counts)} chains at step {int(counts[0][STEP]):,}"
+    return f"{counted(len(counts), 'chain')} at step {int(counts[0][STEP]):,}"
 
 
 def _summarise_picture(file: Path) -> str:

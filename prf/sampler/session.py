@@ -46,6 +46,8 @@ from prf.sampler.continued import Earlier
 from prf.sampler.ensemble import Ensemble
 from prf.sampler.prepare import Prepared, describe_readings, ladder_plan, make_target
 from prf.sampler.target import Target, Tuning
+from prf.shell.cli.outputs import beside
+from prf.shell.cli.pictures import counted
 from prf.shell.cli.settings import Loaded
 from prf.shell.cli.storage import spawn_generators, versions
 from prf.shell.errors import InputError, OutputError
@@ -246,7 +248,7 @@ class Session:
     def describe(self) -> str:
         """Return in a line what the run is about."""
         readings = describe_readings(self.ensemble.target, int(self.process.get("n_beams_thinned", 0)))
-        return f"{readings}, {len(self.ensemble.chains)} chains, seed {self.seed}"
+        return f"{readings}, {counted(len(self.ensemble.chains), 'chain')}, seed {self.seed}"
 
     def open(self) -> None:
         """Remove what an older run left in the folder, or what a killed process left half written of this one."""
@@ -374,5 +376,5 @@ def make_ensemble(
 
 
 def default_output(log: str | os.PathLike[str]) -> Path:
-    """Return the RUN directory for a log whose output was not named: its stem in the working directory."""
-    return Path((log_stem(os.fspath(log)) or "laser") + ".run")
+    """Return the RUN directory for a log whose output was not named: its stem, beside it."""
+    return Path(beside(log, (log_stem(os.fspath(log)) or "laser") + ".run"))

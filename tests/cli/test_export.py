@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import shutil
 import sys
 from pathlib import Path
 from typing import get_args
@@ -57,16 +58,19 @@ def test_the_options_offer_what_the_library_writes() -> None:
 def test_default_names_come_from_the_source(
     folder: Path, here: Path, capsys: pytest.CaptureFixture, format: str, names: set[str]
 ) -> None:
-    assert prf("export", folder, "--format", format, "--json") == 0
+    """They lie beside it, wherever the command is given."""
+    there = here / "runs"
+    shutil.copytree(folder, there / "office.run")
+    assert prf("export", "runs/office.run", "--format", format, "--json") == 0
     answer = json.loads(capsys.readouterr().out)
-    assert files(here) == names
+    assert files(there) == names | {"office.run"}
     assert (answer["schema"], answer["format"]) == ("prf.export/1", format)
     assert {file["path"]: file["bytes"] for file in answer["files"]} == {
-        name: (here / name).stat().st_size for name in names
+        f"runs/{name}": (there / name).stat().st_size for name in names
     }
-    assert prf("export", folder, "--format", format) == 4
+    assert prf("export", "runs/office.run", "--format", format) == 4
     assert "already exists" in capsys.readouterr().err
-    assert prf("export", folder, "--format", format, "--force") == 0
+    assert prf("export", there / "office.run", "--format", format, "--force") == 0
 
 
 @pytest.mark.parametrize(
@@ -142,7 +146,7 @@ def test_sampled_poses_are_a_trajectory_for_evo(folder: Path, here: Path, capsys
 
 
 def test_a_map_instead_of_a_run(folder: Path, here: Path, capsys: pytest.CaptureFixture) -> None:
-    assert prf("export", folder / "map.geojson", "--format", "geojson") == 0
+    assert prf("export", folder / "map.geojson", "-o", "map.geojson") == 0
     assert read_map_feature(here / "map.geojson")[1] == read_map_feature(folder / "map.geojson")[1]
 
 
@@ -154,7 +158,7 @@ def test_polygons_of_another_program(data_dir: Path, here: Path, capsys: pytest.
     assert occupied_polygons(coloring).symmetric_difference(drawn).area == pytest.approx(0.0, abs=1e-9)
     assert coloring.window == pytest.approx(shapely.box(*drawn.bounds).buffer(1.0, join_style="mitre").bounds)
     for format in FORMATS[1:4]:
-        assert prf("export", plan, "--format", format) == 0
+        assert prf("export", plan, "--format", format, "-o", f"plan-{format}") == 0
 
 
 @pytest.mark.parametrize(("format", "module"), [("dxf", "ezdxf"), ("netcdf", "xarray"), ("netcdf", "h5netcdf")])
@@ -162,7 +166,7 @@ def test_a_missing_library_is_named_with_its_extra(
     folder: Path, here: Path, capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch, format: str, module: str
 ) -> None:
     monkeypatch.setitem(sys.modules, module, None)
-    assert prf("export", folder, "--format", format) == 2
+    assert prf("export", folder, "--format", format, "-o", "office") == 2
     error = capsys.readouterr().err
     assert f"needs {module}" in error
     assert f"pip install '.[{format}]'; elsewhere: pip install '" in error

@@ -188,7 +188,7 @@ CASES = (
     (f"{FIT} {SONAR} --json -o -", 2, "standard output"),
     ("prf export run", 2, "no format"),
     ("prf export run -o out.txt", 2, "out.txt: its suffix names no format"),
-    ("prf export run --format ros-map -o -", 2, "pair of files"),
+    ("prf export run --format ros-map -o -", 2, "several files"),
     ("prf export run --format netcdf -o -", 2, "binary"),
     ("prf export run -o out.svg --unknown 0 1", 2, "--unknown is for"),
     ("prf export run -o out.nc --draw 1", 2, "--draw is for maps"),

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from prf.shell.cli.outputs import claim_output, exclusive, refuse_existing, refuse_other_format, release_claims
+from prf.shell.cli.outputs import beside, claim_output, exclusive, refuse_existing, refuse_other_format, release_claims
 from prf.shell.errors import OutputError, OutputExists, UsageError
 from tests.cli.calls import call
 
@@ -26,6 +26,18 @@ with exclusive(sys.argv[1]):
 @pytest.fixture
 def run(tmp_path: Path) -> Path:
     return tmp_path / "run"
+
+
+def test_an_output_without_a_name_lies_beside_its_input_or_here_where_it_cannot(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "data").mkdir()
+    assert beside("data/a.laz", "a.html") == "data/a.html"
+    assert beside("data/run/", "run.html") == "data/run.html"
+    assert beside("a.laz", "a.html") == beside("-", "a.html") == "a.html"
+    monkeypatch.setattr("os.access", lambda path, mode: path != "data")
+    assert beside("data/a.laz", "a.html") == "a.html"
 
 
 def test_second_process_is_refused_and_a_killed_one_forgotten(run: Path, project_root: Path) -> None:

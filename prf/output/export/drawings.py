@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from shapely import MultiPolygon, Polygon
 
 from prf.model.window import Window
-from prf.output.export.outlines import LAYERS, OCCUPIED, Line
+from prf.output.export.outlines import LAYERS, OCCUPIED, Outline
 from prf.shell.errors import require
 
 MAX_SIDE = 0.4  # metres of paper: the longer side of an A3 page with margins
@@ -107,7 +107,7 @@ def _number(value: float) -> str:
     return np.format_float_positional(round(value, DECIMALS) + 0.0, trim="-")
 
 
-def dxf_text(lines: Sequence[Line], window: Window, title: str) -> str:
+def dxf_text(lines: Sequence[Outline], window: Window, title: str) -> str:
     """Return the text of a DXF file.
 
     `lines`: outlines of the occupied area as polylines on their layers (:data:`prf.output.export.outlines.LAYERS`);

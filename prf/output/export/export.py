@@ -21,7 +21,7 @@ from prf.output.export.ros import MODES, Mode, nav2_parameters, ros_map
 from prf.output.export.source import Source, g2o_text, read_source, require_existing, stem_of, trajectory_of, tum_text
 from prf.results import map_text
 from prf.shell.cli.files import STREAM, encoded, open_output, together
-from prf.shell.cli.outputs import exclusive, refuse_existing, refuse_inputs
+from prf.shell.cli.outputs import beside, exclusive, refuse_existing, refuse_inputs
 from prf.shell.errors import InputError, UsageError
 
 GEOJSON, ROS_MAP, SVG, DXF, NETCDF, TUM, G2O = FORMATS = ("geojson", "ros-map", "svg", "dxf", "netcdf", "tum", "g2o")
@@ -77,13 +77,13 @@ class Exported(NamedTuple):
 def export_source(path: str | os.PathLike[str], output: str | None, options: Options, force: bool = False) -> Exported:
     """Write a run, its trajectory, a grid or one map in the form of another program.
 
-    `path`: RUN directory, GRID file or map in GeoJSON. `output`: where to; None: named after the source, in the working
-    directory. ``-`` is standard output. `force`: overwrite an existing output.
+    `path`: RUN directory, GRID file or map in GeoJSON. `output`: where to; None: named after the source, beside it.
+    ``-`` is standard output. `force`: overwrite an existing output.
     """
     require_existing(path)
     name = resolve_format(options.format, output)
     check_options(name, options)
-    files = targets(name, output, stem_of(path), options.mode)
+    files = targets(name, output, beside(path, stem_of(path)), options.mode)
     for file in files:
         refuse_existing(file, force)
     refuse_inputs(files, [os.fspath(path)])

@@ -25,7 +25,7 @@ SIMPLIFIED = 0.05
 """Metres by which outlines for CAD may be off those of the map."""
 
 
-class Line(NamedTuple):
+class Outline(NamedTuple):
     """A line of a drawing: corners (n, 2) in metres, whether it is closed, and its layer."""
 
     xy: NDArray[np.float64]
@@ -41,7 +41,7 @@ def simplified(area: MultiPolygon, tolerance: float) -> MultiPolygon:
     return found if isinstance(found, MultiPolygon) else MultiPolygon([found])
 
 
-def outlines(area: MultiPolygon, draws: Draws | None, tolerance: float) -> list[Line]:
+def outlines(area: MultiPolygon, draws: Draws | None, tolerance: float) -> list[Outline]:
     """Return the outlines of polygons, which were simplified by `tolerance` metres.
 
     With `draws` each ring is parted where the probability of its edges passes to another of :data:`LAYERS`.
@@ -49,7 +49,7 @@ def outlines(area: MultiPolygon, draws: Draws | None, tolerance: float) -> list[
     rings = [ring for polygon in area.geoms for ring in (polygon.exterior, *polygon.interiors)]
     corners = [np.asarray(ring.coords)[:-1] for ring in rings]
     if draws is None or not corners:
-        return [Line(xy, True, OCCUPIED) for xy in corners]
+        return [Outline(xy, True, OCCUPIED) for xy in corners]
     begin = np.concatenate(corners)
     end = np.concatenate([np.roll(xy, -1, axis=0) for xy in corners])
     layer = [layer_of(p) for p in edge_probability(draws, begin, end, NEAR + tolerance).tolist()]
@@ -65,16 +65,16 @@ def layer_of(probability: float) -> str:
     return next(name for least, name in LAYERS if probability >= least)
 
 
-def _parted(xy: NDArray[np.float64], layer: list[str]) -> list[Line]:
+def _parted(xy: NDArray[np.float64], layer: list[str]) -> list[Outline]:
     """Return a ring (n, 2), whose edge k, from corner k on, has a layer, as lines of one layer each."""
     if len(set(layer)) == 1:
-        return [Line(xy, True, layer[0])]
+        return [Outline(xy, True, layer[0])]
     start = next(k for k in range(len(layer)) if layer[k] != layer[k - 1])
     turned, layer = np.roll(xy, -start, axis=0), layer[start:] + layer[:start]
     lines, at = [], 0
     for name, edges in groupby(layer):
         n = len(list(edges))
-        lines.append(Line(np.take(turned, np.arange(at, at + n + 1), axis=0, mode="wrap"), False, name))
+        lines.append(Outline(np.take(turned, np.arange(at, at + n + 1), axis=0, mode="wrap"), False, name))
         at += n
     return lines
 
@@ -96,4 +96,4 @@ def edge_probability(
     query.draws_mark_squares(np.ascontiguousarray(places[order]), near, draws.graphs, marked)
     share = np.empty(len(places))
     share[order] = marked.mean(axis=0)
-    return np.bincount(edge, share, len(begin)) / n_places
+    return np.asarray(np.bincount(edge, share, len(begin)) / n_places)

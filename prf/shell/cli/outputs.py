@@ -53,6 +53,15 @@ def claim_output(
     claim(path)
 
 
+def beside(path: str | os.PathLike[str], name: str) -> str:
+    """Return where an output without -o lies: as `name` beside the input `path`.
+
+    Of standard input, and where that folder cannot be written, it is in the working directory.
+    """
+    folder = os.path.dirname(os.path.normpath(path)) if os.fspath(path) != STREAM else ""
+    return os.path.join(folder, name) if os.access(folder or os.curdir, os.W_OK) else name
+
+
 def claim(path: str | os.PathLike[str]) -> None:
     """Hold the output `path` (file or folder, existing or not) until the tool ends; errors as :func:`exclusive`."""
     target = Path(path).resolve()

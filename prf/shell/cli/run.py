@@ -210,7 +210,7 @@ def graceful_stop(signals: Sequence[signal.Signals] = _STOPPING) -> Iterator[Sto
     def request(number: int, _frame: FrameType | None) -> None:
         flag.signal_number = number
         _restore(before)
-        logger.info("stopping in good order; once more to stop at once")
+        logger.info("saving; press Ctrl-C again to quit now")
 
     with _handled(signals, request):
         yield flag
