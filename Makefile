@@ -6,7 +6,7 @@ STAMP := $(VENV)/.installed
 PYTEST := $(BIN)/python -m pytest
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test test-slow test-oldest verify check coverage package docs figures bench model clean
+.PHONY: help setup demo test test-slow test-oldest verify check coverage package test-package docs figures bench model clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 20
@@ -60,8 +60,11 @@ coverage: setup ## lines and branches that the tests run, kernels uncompiled; fa
 	$(BIN)/coverage combine --quiet
 	$(BIN)/coverage report
 
-package: setup ## build wheel and source archive, install the wheel alone, run the main jobs with it; a quarter of an hour
-	$(BIN)/python -m tests.packaging
+package: setup ## build wheel and source archive of the last commit in dist/, install and call the wheel alone; two minutes
+	$(BIN)/python -m tests.packaging build
+
+test-package: setup ## the main jobs with the wheel alone, newest and oldest versions, and the container's; a quarter of an hour
+	$(BIN)/python -m tests.packaging jobs
 
 docs: setup ## write the reference pages in docs/reference from the command lines
 	$(BIN)/python -m docs.make_reference

@@ -50,7 +50,7 @@ def read_e57(content: Content, options: ReadOptions) -> PointCloud:
 
 def open_e57(path: str, source: str) -> Any:
     """Open the E57 file `path`, which messages call `source`; InputError if it cannot be opened, or without pye57."""
-    pye57 = require("pye57", "e57", f"{source}: E57", InputError)
+    pye57 = require("pye57", "e57", f"{source}: E57")
     with _reported(f"{source}: cannot be opened as E57"):
         return pye57.E57(path)
 

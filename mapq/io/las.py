@@ -1,4 +1,4 @@
-"""LAS and LAZ, COPC among them, with laspy (the extra `las`): at once, or a piece at a time."""
+"""LAS and LAZ, COPC among them, with laspy: at once, or a piece at a time."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from mapq.cloud import PointCloud
 from mapq.configuration import ReadOptions
 from mapq.io.content import Content, damage_in_one_line
 from mapq.io.fields import Array, check_coordinates, cloud_of_world, warn_dropped
-from prf.shell.errors import InputError, require
+from prf.shell.errors import InputError
 
 if TYPE_CHECKING:
     from laspy import LasHeader, LasReader, ScaleAwarePointRecord
@@ -101,7 +101,8 @@ def read_las_pieces(
 
 @contextmanager
 def _opened(content: Content) -> Iterator[tuple[LasReader, BinaryIO]]:
-    laspy = require("laspy", "las", f"{content.source}: LAS", InputError)
+    import laspy  # noqa: PLC0415 - a tenth of a second, for LAS alone
+
     with content.stream() as stream:
         n_records = int.from_bytes(stream.read(104)[100:], "little")
         if n_records > MOST_RECORDS:

@@ -1,4 +1,4 @@
-"""PCD: text, binary and compressed (LZF, the extra `pcd`) are read, binary is written.
+"""PCD: text, binary and compressed (LZF) are read, binary is written.
 
 Header and layout are read here: pypcd4 takes a compressed field of COUNT > 1 for COUNT columns (PCL stores the field's
 values point by point) and ends a header after ten lines.
@@ -23,7 +23,7 @@ from mapq.io.fields import COLOURS, Array, axes_of, columns_of, make_cloud, orig
 from mapq.io.ply import vertex_rows
 from mapq.io.text import as_count, parse_rows
 from prf.shell.cli.files import open_output
-from prf.shell.errors import InputError, require
+from prf.shell.errors import InputError
 
 LONGEST_HEADER = 1 << 16
 PADDING = "_"
@@ -194,7 +194,8 @@ def _read_compressed(data: bytes, header: PcdHeader, source: str) -> dict[str, A
 
 def _decompressed(data: bytes, header: PcdHeader, source: str) -> bytes:
     """Return the data without their compression; pypcd4 before 1.4 compressed them only where it paid."""
-    lzf = require("lzf", "pcd", f"{source}: compressed PCD", InputError)
+    import lzf  # noqa: PLC0415 - for compressed PCD alone
+
     packed_size, size = struct.unpack_from("<II", data, header.end)
     packed = data[header.end + 8 : header.end + 8 + packed_size]
     needed = header.n_points * header.dtype.itemsize

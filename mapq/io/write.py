@@ -7,7 +7,6 @@ import logging
 import os
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from importlib.util import find_spec
 from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,7 +20,7 @@ from mapq.io.ply import write_ply
 from mapq.io.text import TEXT_SUFFIXES, write_text
 from prf.shell.cli.files import open_output
 from prf.shell.cli.outputs import FORMATS, refuse_other_format
-from prf.shell.errors import OutputError, UsageError, install_hint
+from prf.shell.errors import OutputError, UsageError
 
 if TYPE_CHECKING:
     from laspy import LasHeader, LasWriter
@@ -88,12 +87,10 @@ def written_suffix(path: str) -> str:
 
 
 def check_name(path: str | os.PathLike[str]) -> None:
-    """Raise UsageError for a format that is not written, or not without an extra, before the work begins."""
+    """Raise UsageError for a format that is not written, before the work begins."""
     if os.fspath(path).lower().endswith(".copc.laz"):
         raise UsageError(f"{path}: COPC is not written, only plain LAZ. Name a .laz without .copc.")
     refuse_other_format(path, (*WRITERS, *LAS_SUFFIXES))
-    if os.fspath(path).lower().endswith(LAS_SUFFIXES) and find_spec("laspy") is None:
-        raise UsageError(f"{path}: LAS needs laspy. {install_hint('las')}, or name a .ply.")
 
 
 @contextmanager
@@ -127,7 +124,7 @@ class LasPieces:
 
     def write(self, cloud: PointCloud) -> None:
         """Append points; OutputError if their fields or coordinates do not fit those of the first piece."""
-        from laspy import LasWriter  # noqa: PLC0415 - an extra
+        from laspy import LasWriter  # noqa: PLC0415 - for LAS alone
         from laspy.point.record import PackedPointRecord  # noqa: PLC0415
 
         finite = cloud.finite()

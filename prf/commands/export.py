@@ -105,7 +105,7 @@ def export(
     values that were watched in every draw, for ArviZ, tum the means of poses that were sampled, g2o
     the steps between them too, with their information. What no reading saw is unknown in a ros-map, and polygons end
     half a metre beyond what was seen. ros-map writes a yaml file, the image it names, and parameters by which Nav2
-    loads them; it is the one format for a GRID. dxf and netcdf need libraries: pip install '.[dxf,netcdf]'.
+    loads them; it is the one format for a GRID. netcdf needs libraries: pip install '.[netcdf]'.
     """
     from prf.output.export import Options, export_source
     from prf.shell.cli import storage

@@ -93,15 +93,15 @@ def cannot_write(place: str | os.PathLike[str], error: OSError) -> OutputError:
     return OutputError(f"{os.fspath(place)}: cannot be written ({system_reason(error)}).")
 
 
-def require(module: str, extra: str, what: str, error: type[PrfError] = UsageError) -> Any:
-    """Return the module, imported by name, or raise `error` if it is not installed.
+def require(module: str, extra: str, what: str) -> Any:
+    """Return the module, imported by name, or raise UsageError if it is not installed.
 
-    `extra`: of this distribution, which brings it. `what`: needs it, say ``--format dxf`` or ``map.bag: a ROS bag``.
+    `extra`: of this distribution, which brings it. `what`: needs it, say ``--format netcdf`` or ``map.e57: E57``.
     """
     try:
         return importlib.import_module(module)
     except ImportError as cause:
-        raise error(f"{what} needs {module}, which is not installed. {install_hint(extra)}") from cause
+        raise UsageError(f"{what} needs {module}, which is not installed. {install_hint(extra)}") from cause
 
 
 def install_hint(extra: str) -> str:

@@ -161,7 +161,7 @@ def test_polygons_of_another_program(data_dir: Path, here: Path, capsys: pytest.
         assert prf("export", plan, "--format", format, "-o", f"plan-{format}") == 0
 
 
-@pytest.mark.parametrize(("format", "module"), [("dxf", "ezdxf"), ("netcdf", "xarray"), ("netcdf", "h5netcdf")])
+@pytest.mark.parametrize(("format", "module"), [("netcdf", "xarray"), ("netcdf", "h5netcdf")])
 def test_a_missing_library_is_named_with_its_extra(
     folder: Path, here: Path, capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch, format: str, module: str
 ) -> None:

@@ -13,7 +13,6 @@ from shapely import MultiPolygon, Polygon
 
 from prf.model.window import Window
 from prf.output.export.outlines import LAYERS, OCCUPIED, Outline
-from prf.shell.errors import require
 
 MAX_SIDE = 0.4  # metres of paper: the longer side of an A3 page with margins
 DECIMALS = 4  # a tenth of a millimetre in the world
@@ -114,7 +113,8 @@ def dxf_text(lines: Sequence[Outline], window: Window, title: str) -> str:
     outer rings run counter-clockwise and holes clockwise. `window`: a closed polyline on the layer ``OUTLINE``.
     `title`: for the drawing's properties.
     """
-    ezdxf = require("ezdxf", "dxf", "--format dxf")
+    import ezdxf  # noqa: PLC0415 - a third of a second, for DXF alone
+
     document = ezdxf.new(VERSION, setup=["linetypes"], units=ezdxf.units.M)
     document.header["$MEASUREMENT"] = 1  # metric line types
     document.header.custom_vars.append("Title", title)

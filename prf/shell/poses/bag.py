@@ -12,7 +12,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from prf.shell.errors import InputError, require, system_reason
+from prf.shell.errors import InputError, system_reason
 
 if TYPE_CHECKING:
     from rosbags.highlevel import AnyReader
@@ -91,7 +91,9 @@ def bag_in(folder: Path, accepted: str) -> Path:
 @contextmanager
 def open_bag(path: Path, source: str) -> Iterator[Bag]:
     """Open a bag: a file of any name, or the folder of a ROS 2 bag with its metadata.yaml."""
-    highlevel, types = (require(f"rosbags.{part}", "ros", f"{source}: a ROS bag") for part in ("highlevel", "typesys"))
+    from rosbags import highlevel
+    from rosbags import typesys as types
+
     with TemporaryDirectory() as folder:
         with _refusing_damage(source):
             reader = highlevel.AnyReader(

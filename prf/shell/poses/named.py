@@ -81,7 +81,7 @@ def _content(data: bytes, source: str) -> Mapping[str, Any]:
 
 def _hdf5(data: bytes, source: str) -> dict[str, Any]:
     """Return the plain arrays of a file of version 7.3, which stores them transposed."""
-    h5py = require("h5py", "netcdf", f"{source}: a .mat of version 7.3 (or save it with -v7)", InputError)
+    h5py = require("h5py", "netcdf", f"{source}: a .mat of version 7.3 (or save it with -v7)")
     found: dict[str, Any] = {}
 
     def take(name: str, item: Any) -> None:

@@ -4,7 +4,6 @@ import gzip
 import io
 import logging
 import struct
-import sys
 
 import laspy
 import numpy as np
@@ -231,15 +230,6 @@ def test_damaged_files_are_refused(tmp_path):
     damaged = data[:100] + struct.pack("<I", 10**9) + data[104:]
     assert "records in the LAS header" in refusal(read_cloud, save(tmp_path, "a.las", damaged))
     assert "no points" in refusal(read_cloud, save(tmp_path, "a.las", las_bytes(n=0)))
-
-
-def test_without_laspy_the_extra_is_named(tmp_path, monkeypatch):
-    path = save(tmp_path, "a.las", las_bytes())
-    monkeypatch.setitem(sys.modules, "laspy", None)
-    assert "pip install '.[las]'; elsewhere: pip install 'laspy>=" in refusal(read_cloud, path)
-    monkeypatch.setattr("mapq.io.write.find_spec", lambda name: None)
-    with pytest.raises(UsageError, match=r"pip install '\.\[las\]'"):
-        write_cloud(tmp_path / "b.laz", patches().cloud)
 
 
 def test_copc_is_not_written(tmp_path):

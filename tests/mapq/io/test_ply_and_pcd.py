@@ -2,7 +2,6 @@ from __future__ import annotations
 
 import io
 import logging
-import sys
 
 import numpy as np
 import pypcd4
@@ -312,9 +311,3 @@ def test_text_that_is_not_as_promised_pcd(tmp_path):
         ("", "promises 2 points, 0 follow"),
     ]:
         assert line in refusal(read_cloud, save(tmp_path, "a.pcd", head + body))
-
-
-def test_without_lzf_the_extra_is_named(tmp_path, monkeypatch):
-    path = save(tmp_path, "a.pcd", pcd(table(), "binary_compressed"))
-    monkeypatch.setitem(sys.modules, "lzf", None)
-    assert "pip install '.[pcd]'; elsewhere: pip install 'python-neo-lzf>=" in refusal(read_cloud, path)

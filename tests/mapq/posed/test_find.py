@@ -285,7 +285,7 @@ def test_e57_with_several_scans_and_their_poses(tmp_path):
 def test_e57_without_pye57_names_the_extra(tmp_path, monkeypatch):
     (tmp_path / "map.e57").write_bytes(b"ASTM-E57")
     monkeypatch.setitem(sys.modules, "pye57", None)
-    with pytest.raises(InputError, match=r"map.e57: E57 needs pye57, .* pip install"):
+    with pytest.raises(UsageError, match=r"map.e57: E57 needs pye57, .* pip install"):
         find_scans([str(tmp_path / "map.e57")])
 
 
