@@ -113,9 +113,10 @@ def dxf_text(lines: Sequence[Outline], window: Window, title: str) -> str:
     outer rings run counter-clockwise and holes clockwise. `window`: a closed polyline on the layer ``OUTLINE``.
     `title`: for the drawing's properties.
     """
-    import ezdxf  # noqa: PLC0415 - a third of a second, for DXF alone
+    from ezdxf import units  # noqa: PLC0415 - a third of a second, for DXF alone
+    from ezdxf.filemanagement import new  # noqa: PLC0415
 
-    document = ezdxf.new(VERSION, setup=["linetypes"], units=ezdxf.units.M)
+    document = new(VERSION, setup=["linetypes"], units=units.M)
     document.header["$MEASUREMENT"] = 1  # metric line types
     document.header.custom_vars.append("Title", title)
     for name, (colour, line_type, words) in LAYER_STYLES.items():
