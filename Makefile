@@ -22,9 +22,10 @@ demo: setup ## map four rooms until the chains agree, assess a town; leaves a pa
 	$(BIN)/prf sample --laser data/demo-rooms.log.gz --seed 1 -o demo/rooms --force
 	$(BIN)/prf report demo/rooms --force
 	$(BIN)/mapq classify data/demo-town.ply.gz -o demo/town.ply --tolerance 0.1 --force
-	$(BIN)/mapq evaluate demo/town.ply
 	$(BIN)/mapq report demo/town.ply -o demo/town.html --force
-	@echo "open demo/rooms.html and demo/town.html in a browser"
+	@echo "open demo/rooms.html and demo/town.html in a browser; with data of your own:"
+	@echo "  $(BIN)/prf info YOUR_FILES       says what they are, and the command that maps them"
+	@echo "  $(BIN)/mapq classify YOUR_CLOUD  judges a map; better: YOUR_SCANS --poses YOUR_POSES"
 
 test: setup ## all tests but the slow ones
 	@echo "compiling what the tests call, once; some minutes in a fresh checkout"

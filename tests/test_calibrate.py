@@ -26,7 +26,8 @@ from prf.model.coloring import black_at
 from prf.model.ranges import make_poses
 from prf.model.sensors import SonarModel
 from prf.model.window import Window
-from prf.output.export.cells import Raster, ros_map
+from prf.output.export.cells import Raster
+from prf.output.export.ros import ros_map
 from prf.results.score import OccupiedArea, PolygonMap, hold_out_sonar, read_occupied_area, score
 from prf.results.score.scene import features_seen, scene_of_coloring
 from prf.shell.errors import ArgumentError, InputError

@@ -85,7 +85,10 @@ def _facts(findings: Findings) -> Iterator[tuple[str, str]]:
             f"{resolved}; {percent(verdict.get('unresolved_share_of_area'))} of the area is left open",
         )
     expected = percent(counts.get("expected_share_of_area"))
-    yield "expected", f"{expected} of the surface is wrong, if the probabilities are right"
+    words = (
+        "of the surface that was judged is wrong, by the p of all patches, if the map is like those they were fitted to"
+    )
+    yield "expected", f"{expected} {words}"
     if verdict.get("cause") is not None and cloud.fields.get("cause") is not None:
         areas = findings.part("verdict", "area_by_cause_m2")
         yield "causes", escape(", ".join(f"{name} {number(value)} m²" for name, value in areas.items() if value))

@@ -13,7 +13,8 @@ from shapely import MultiPolygon, Polygon, box
 from prf.model.arak import exact_draws, expected_edges
 from prf.model.coloring import violations
 from prf.model.window import Window
-from prf.output.export.cells import Raster, rasterise, ros_map
+from prf.output.export.cells import Raster, rasterise
+from prf.output.export.ros import ros_map
 from prf.results.geojson import map_text, outline_of_cells
 from prf.shell.errors import InputError
 from prf.simulate import World, draw_world, office, read_world, roadmap

@@ -48,11 +48,12 @@ Prf.Map = class {
   }
   // Pictures of the cells in the colours of the theme.
   paint() {
-    const [free, black, violet] = ["free", "occupied", "map-differs"].map(Theme.rgb);
+    const [free, black, violet, veil] = ["free", "occupied", "map-differs", "map-guess"].map(Theme.rgb);
     const grey = (share) => [...free.map((value, c) => value + ((black[c] - value) * share) / 255), 255];
     this.posterior = this.picture((i) => grey(this.occupancy[i]));
     this.returning = this.cells.square && this.picture((i) => grey(this.returns[i]));
     this.unseen = this.picture((i) => [0, 0, 0, this.seen[i] ? 0 : 255]);
+    this.veil = this.picture((i) => [...veil, this.seen[i] ? 0 : 170]);
     this.differing = this.picture((i) => [...violet, this.differs(i) ? 0.6 * this.difference[i] : 0]);
   }
   differs(cell) {
@@ -156,7 +157,7 @@ Prf.Map = class {
     pen.drawImage(picture, 0, 0, nx * side, ny * side);
     pen.restore();
   }
-  // Hatches as wide as pixels where no reading was, on a canvas of their own.
+  // Where no reading was, the guess of the prior under a veil and hatches as wide as pixels, these on a canvas of their own.
   drawUnseen(pen) {
     const { width, height } = this.canvas,
       sheet = Object.assign(document.createElement("canvas"), { width, height }),
@@ -174,6 +175,7 @@ Prf.Map = class {
       ink.lineTo(x + height, 0);
     }
     ink.stroke();
+    this.drawCells(pen, this.veil);
     pen.save();
     pen.resetTransform();
     pen.drawImage(sheet, 0, 0);
