@@ -42,8 +42,11 @@ SCORE_DEFAULTS: Mapping[str, float] = MappingProxyType(
 
 
 class Prior(Table):
-    """The Arak process over maps."""
+    """The law of maps: the Arak process of polygons, or walls (docs/walls.md)."""
 
+    map: Literal["polygons", "walls"] = key(
+        "polygons", "", "what a map is: polygons (the Arak process), or walls with a thickness", flag="polygons|walls"
+    )
     scale: float = key(
         0.1,
         "1/m",
@@ -67,6 +70,21 @@ class Prior(Table):
     )
     orientation_angle: float | Literal["sampled"] = key("sampled", "rad", "one of these directions, or sampled")
     free_space: float = key(0.0, "1/m²", "cost of black ground, nats a square metre", ge=0.0, le=1e6)
+    wall_density: float = key(0.1, "1/m²", "walls: their rate before interactions", gt=0.0, le=1e6)
+    wall_length: float = key(1.0, "m", "walls: median length before interactions", **LENGTH)
+    wall_thickness: float = key(0.12, "m", "walls: median of the common values of thickness", ge=0.02, le=1.0)
+    free_end: float = key(2.0, "", "walls: cost of an end that is joined to no wall, nats", ge=0.0, le=1e6)
+    crossing: float = key(3.0, "", "walls: cost of a crossing without a joint, nats", ge=0.0, le=1e6)
+
+    @property
+    def is_walls(self) -> bool:
+        """Whether a map is one of walls."""
+        return self.map == "walls"
+
+    def check(self) -> None:
+        """Refuse what walls do not have."""
+        if self.is_walls and self.free_space > 0.0:
+            raise SettingError("walls have no cost of black ground: leave out free_space, or map", "free_space", "map")
 
     @field_validator("orientation")
     @classmethod
@@ -306,7 +324,7 @@ class SimulationOptions(LaserPhysics):
         return LaserPhysics(**self.model_dump(include=set(LaserPhysics.model_fields)))
 
 
-RENAMED: Mapping[str, str] = {"trajectory.file": "odometry_file"}
+RENAMED: Mapping[str, str] = {"trajectory.file": "odometry_file", "prior.map": "prior"}
 PREFIXES: Mapping[str, str] = {"sonar": "sonar_", "points": "points_", "driven": "driven_"}
 """Before the keys of these tables in manifests and flags; nothing for others."""
 IN_MANIFEST = ("prior", "laser", "sonar", "points", "thinning", "readings", "driven", "trajectory", "sampler")

@@ -18,6 +18,7 @@ BOUNDARY_VERTICES = 2
 TRIANGLE_VERTICES = 3  # vertices of closed 3-loops: three members a triangle
 BOUNDARY_APEXES = 4  # interior vertices whose two neighbours lie on the same side
 CORNER_CUTS = 5  # edges that join adjacent sides
+WALLS = CORNER_CUTS  # of a map of walls, whose graph has no corner cuts: the first side of each
 N_SETS = 6
 
 # Entries of ``Graph.counts`` after the sizes of the sets.
@@ -113,6 +114,34 @@ PAIRS = {
 REVERSE = np.array([(PAIRS | {back: move for move, back in PAIRS.items()}).get(move, move) for move in range(N_MOVES)])
 """The move that undoes each: the other one of its pair, else itself."""
 
+# Moves of walls, likewise.
+WALL_BIRTH = 0
+WALL_DEATH = 1
+SHIFT_WALL = 2
+TURN_WALL = 3
+EXTEND_WALL = 4
+MOVE_END = 5
+THICKNESS = 6
+GAP = 7
+MERGE_WALLS = 8
+
+WALL_MOVES = (
+    ("wall birth", 0.2),
+    ("wall death", 0.06),
+    ("shift wall", 0.16),
+    ("turn wall", 0.12),
+    ("extend wall", 0.16),
+    ("move end to joint", 0.1),
+    ("thickness of wall", 0.12),
+    ("gap in wall", 0.04),
+    ("merge walls", 0.04),
+)
+N_WALL_MOVES = len(WALL_MOVES)
+WALL_PAIRS = {WALL_BIRTH: WALL_DEATH, GAP: MERGE_WALLS}
+WALL_REVERSE = np.array(
+    [(WALL_PAIRS | {b: a for a, b in WALL_PAIRS.items()}).get(move, move) for move in range(N_WALL_MOVES)]
+)
+
 BORDER_MOVES = (BOUNDARY_BIRTH, BOUNDARY_DEATH, CORNER_BIRTH, CORNER_DEATH, MOVE_BOUNDARY, PAST_CORNER, DOCK, UNDOCK)
 """Those that change vertices on the border of the window."""
 
@@ -129,7 +158,11 @@ LIKELIHOOD_POWER = 2  # exponent of the likelihood: 1 the posterior, 0 the prior
 OCCUPIED_COST = 3  # log likelihood that each occupied sensor or blocked piece takes, nats; inf: there may be none
 FREE_SPACE = 4  # nats that each square metre of black takes
 EDGE_COST = 5  # nats that each edge takes where the mode is sought, beside the prior
-N_DENSITY = 6
+WALL_DENSITY = 6  # walls a square metre of the Poisson process of walls (kernels.walls.law); 0: the Arak process
+WALL_LENGTH = 7  # median length of a wall, m
+FREE_END = 8  # nats that an end of a wall takes that lies in no other wall
+CROSSING = 9  # nats that two walls take that cross without a joint
+N_DENSITY = 10
 
 # Entries of ``Chain.lines``: the directions that edges prefer (:mod:`prf.model.orientation`).
 ORIENTATION = 0  # K, how much; 0: all alike
@@ -141,6 +174,8 @@ LOG_NORMALISER = 5  # log Z(K, a) less that of K = 0
 FIRST_TERM = 6  # the first of the coefficients of the rate at which edges cross a line, by harmonics of 4 (theta - a)
 N_TERMS = 16
 N_LINES = FIRST_TERM + N_TERMS
+N_COMMON = 3
+"""Common values of the thickness of walls, m, which follow in a map of walls."""
 
 # Entries of ``Chain.tuning``: scales of the proposals. A reach is the median of a random distance, m.
 LOCAL_SHARE = 0  # share of births whose further vertices lie near the first

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from prf.model.coloring import Coloring, Draws
 from prf.model.sensors import LARGEST_COORDINATE
+from prf.model.walls import N_WALL, WallDraws
 from prf.model.window import Window
 from prf.poses.body import BODY
 from prf.poses.model import NO_CLOSURES, Closures, PosePrior
@@ -81,8 +82,13 @@ def read_draws(path: Path) -> dict[str, Any]:
     n = len(draws)
     probe_xy = take_array(path, arrays, "probe_xy", np.float64, (None, 2))
     prefix = names.FUNCTIONAL_PREFIX
+    walls = None
+    if names.WALLS in arrays:
+        wall = take_array(path, arrays, names.WALLS, np.float64, (None, N_WALL))
+        walls = WallDraws(_take_offsets(path, arrays, names.WALL_OFFSETS, n, len(wall)), wall)
     return {
         "draws": draws,
+        "walls": walls,
         "chain": take_array(path, arrays, "chain", np.int32, (n,)),
         "step": take_array(path, arrays, "step", np.int64, (n,)),
         "functionals": {

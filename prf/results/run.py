@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from prf.model.coloring import Coloring, Draws
 from prf.model.orientation import wall_direction
 from prf.model.sensors import LaserModel
+from prf.model.walls import WallDraws
 from prf.poses.posterior import Trajectory
 from prf.readings import PointTable, Readings
 from prf.readings.counts import BeamCounts
@@ -40,6 +41,8 @@ class RunData:
         n recorded colorings, ragged.
     chain : (n,) int32
         Chain that recorded each draw.
+    walls : WallDraws or None
+        The walls of each draw, whose map is the region that they cover; None of maps of polygons.
     step : (n,) int64
         Step of its chain at which it was recorded, burn-in included.
     functionals : dict of str to (n,) float64
@@ -86,6 +89,7 @@ class RunData:
     way: NDArray[np.float64] = dataclasses.field(default_factory=lambda: np.empty((0, 4)))
     counts: BeamCounts | None = None
     trajectory: Trajectory | None = None
+    walls: WallDraws | None = None
     best: Coloring | None = None
     best_log_posterior: float = float("nan")
     diagnostics: dict[str, Any] | None = None

@@ -99,6 +99,7 @@ def write_draws(folder: Path, run: RunData) -> None:
     """Write draws.npz: the draws, where each comes from, functionals and probe colours."""
     draws = run.draws
     functionals = {names.FUNCTIONAL_PREFIX + name: values for name, values in run.functionals.items()}
+    walls = {} if run.walls is None else {names.WALLS: run.walls.wall, names.WALL_OFFSETS: run.walls.offsets}
     save_arrays(
         folder / names.DRAWS,
         names.SCHEMAS[names.DRAWS],
@@ -115,6 +116,7 @@ def write_draws(folder: Path, run: RunData) -> None:
             "probe_xy": run.probe_xy.astype(np.float64),
             "probe_black": run.probe_black.astype(np.bool_).reshape(len(draws), len(run.probe_xy)),
             **{name: np.asarray(values, dtype=np.float64) for name, values in functionals.items()},
+            **walls,
         },
     )
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import dataclasses
 import time
 from collections.abc import Callable
+from functools import cached_property
 from typing import Self
 
 import numpy as np
@@ -21,9 +22,10 @@ from prf.kernels.state.image import Image, settle_all
 from prf.model.coloring import Coloring
 from prf.model.layout import make_image, read_coloring
 from prf.model.orientation import unwrapped
+from prf.model.walls import cover, has_walls, united
 from prf.sampler.aims import even_shares, set_shares, unexplained
 from prf.sampler.continued import Earlier, continued_map
-from prf.sampler.directions import redraw_directions
+from prf.sampler.directions import redraw_directions, redraw_wall_laws
 from prf.sampler.poses import PoseTurns
 from prf.sampler.schedules import Ladder, LadderPlan, Plain, Regions, has_regions
 from prf.sampler.starts import find_start_map, prior_ground
@@ -59,6 +61,11 @@ class Draw:
     functionals: NDArray[np.float64]
     probe_black: NDArray[np.bool_]  # (n_probes,)
     poses: NDArray[np.float32] | None = None  # (n_poses, 3) less the given ones; None where poses are certain
+
+    @cached_property
+    def region(self) -> Coloring:
+        """Where a map of walls is black, as a valid map."""
+        return united(self.coloring)
 
 
 def functionals(chain: Chain, log_pose_prior: float = 0.0) -> NDArray[np.float64]:
@@ -177,6 +184,8 @@ class Record:
 def line_score(chain: Chain) -> float:
     """Return log prior and log likelihood of a map as a density over its lines, nats (:mod:`prf.sampler.anneal`)."""
     graph = chain.graph
+    if has_walls(chain):
+        return float(graph.sums[c.LOG_PRIOR] + graph.sums[c.LOG_LIKELIHOOD])
     edges, *vertices = (
         graph.members[kind, : graph.counts[kind]] for kind in (c.EDGES, c.INTERIOR_VERTICES, c.BOUNDARY_VERTICES)
     )
@@ -277,7 +286,10 @@ class ChainRun:
         while self.step < end:
             move, until = self.schedule.turn(self.step, min(end, self.record.next_stop(self.step)), end)
             self.chain = move(self.chain, self.rng, until)
-            redraw_directions(self.chain, self.target.orientation, self.rng)
+            if self.target.walls is not None:
+                redraw_wall_laws(self.chain, self.target.walls, self.target.orientation, self.rng)
+            else:
+                redraw_directions(self.chain, self.target.orientation, self.rng)
             self.record.take(self.chain, self.poses)
         period = BLOCKS_PER_GROUND * self.block
         due = self.step // period - begun // period
@@ -322,6 +334,7 @@ class ChainRun:
                 start = one_colour_map(self.target)
                 chain = with_map(self.chain, self.target, start)
             self.chain = chain._replace(image=make_image(start, chain.graph, self.target.execution.resolution))
+            cover(self.chain)
         if self.ground is not None:
             self.ground.close(self.chain)
             for _ in range(0, self.ground.first_proposals, PROPOSALS_PER_LOOK):

@@ -40,6 +40,7 @@ SCHEMA = names.CHECKPOINT_SCHEMA
 LADDER = ("powers", "tried", "rate_sum", "came_from_hottest")
 TIMES = ("black_time", "mixed_time")
 POSES = ("pose", "spread", "outcomes")
+OF_WALLS = ("prior", "wall_density", "wall_length", "wall_thickness", "free_end", "crossing")
 DRAW_ARRAYS = ("vertex_offsets", "xy", "side", "edge_offsets", "edges", "anchor_black")
 
 Arrays = dict[str, NDArray[Any]]
@@ -306,6 +307,8 @@ def identity_of(config: Configuration, seed: int, target: Target) -> str:
         arrays += [target.points.readings.xy, target.points.readings.value]
     flat, poses = config.flat(), PoseOptions.model_fields
     kept = {name: value for name, value in flat.items() if name not in poses or value is not None}
+    if not config.prior.is_walls:  # as before there were any
+        kept = {name: value for name, value in kept.items() if name not in OF_WALLS}
     digest = hashlib.sha256(json.dumps([kept, seed], sort_keys=True).encode())
     for array in arrays:
         digest.update(np.ascontiguousarray(array).tobytes())

@@ -11,12 +11,15 @@ normalised law of map, K and a, times the tilt. K and a are then not distributed
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import ive
 
 from prf.kernels import constants as c
 from prf.kernels.state.chain import Chain
+from prf.model.layout import read_coloring
 from prf.model.orientation import (
     MEAN_STRENGTH,
     RIGHT_ANGLE,
@@ -25,6 +28,7 @@ from prf.model.orientation import (
     log_normaliser,
 )
 from prf.model.sensors import MOST_ORIENTATION
+from prf.model.walls import SPREAD, WallPrior, thickness_density, walls_of
 from prf.model.window import Window
 
 TURNS = 3
@@ -33,6 +37,9 @@ ANYWHERE = 0.2
 """Share of them that is drawn from the prior."""
 DECADES = (-3.0, 0.5)
 """Of the steps of the others (angles in radians), whose scale is drawn for each."""
+THICKNESS_DECADES = (-3.5, -1.5)
+"""Of the steps of a common value of the thickness, m."""
+Floats = NDArray[np.float64]
 
 
 class Alignment:
@@ -62,12 +69,21 @@ def redraw_directions(chain: Chain, orientation: Orientation, rng: np.random.Gen
     if not orientation.is_sampled:
         return
     edges = Alignment(chain)
-    beta = float(chain.density[c.INVERSE_TEMPERATURE])
 
     def log_target(strength: float, angle: float) -> float:
         prior = -strength / MEAN_STRENGTH if orientation.strength is None else 0.0
         return edges.log_density(strength, angle) + prior
 
+    strength, angle, gained = drawn(chain, orientation, log_target, rng)
+    chain.lines[:] = orientation.lines(strength, angle, edges.scale, edges.window)
+    chain.graph.sums[c.LOG_PRIOR] += gained
+
+
+def drawn(
+    chain: Chain, orientation: Orientation, log_target: Callable[[float, float], float], rng: np.random.Generator
+) -> tuple[float, float, float]:
+    """Return strength and angle after some Metropolis steps, and the change of the log of their density."""
+    beta = float(chain.density[c.INVERSE_TEMPERATURE])
     strength, angle = float(chain.lines[c.ORIENTATION]), float(chain.lines[c.ANGLE])
     first = now = log_target(strength, angle)
     for turn in range(2 * TURNS):
@@ -82,5 +98,44 @@ def redraw_directions(chain: Chain, orientation: Orientation, rng: np.random.Gen
             new = log_target(new_strength, new_angle)
             if math.log(1.0 - rng.random()) < beta * (new - now) + log_back:
                 strength, angle, now = new_strength, new_angle, new
-    chain.lines[:] = orientation.lines(strength, angle, edges.scale, edges.window)
-    chain.graph.sums[c.LOG_PRIOR] += now - first
+    return strength, angle, now - first
+
+
+def redraw_wall_laws(chain: Chain, prior: WallPrior, orientation: Orientation, rng: np.random.Generator) -> None:
+    """Draw what is sampled of the directions of walls, and the common values of their thickness.
+
+    Given the walls, a direction has the density m(theta) and a thickness its mixture, each times the prior of what it
+    depends on: interactions do not. The common values are stepped one by one.
+    """
+    walls, beta = walls_of(read_coloring(chain.graph)), float(chain.density[c.INVERSE_TEMPERATURE])
+    step = (walls[:, 2] - walls[:, 0]) + 1j * (walls[:, 3] - walls[:, 1])
+    fourfold = (step / np.abs(step)) ** 4
+
+    def log_target(strength: float, angle: float) -> float:
+        known = -strength / MEAN_STRENGTH if orientation.strength is None else 0.0
+        aligned = strength * float((fourfold * np.exp(-4j * angle)).real.sum())
+        return known + aligned - len(walls) * (math.log(ive(0, strength)) + strength)
+
+    def log_common(common: Floats) -> float:
+        known = prior.log_common(common)
+        return known if known == -math.inf else known + float(np.log(thickness_density(walls[:, 4], common)).sum())
+
+    strength, angle = float(chain.lines[c.ORIENTATION]), float(chain.lines[c.ANGLE])
+    gained = 0.0
+    if orientation.is_sampled:
+        strength, angle, gained = drawn(chain, orientation, log_target, rng)
+    common = chain.lines[c.N_LINES :].copy()
+    first = now = log_common(common)
+    for turn in range(TURNS * len(common)):
+        k, log_back = turn % len(common), 0.0
+        trial = common.copy()
+        if rng.random() < ANYWHERE:
+            trial[k] = prior.thickness * math.exp(SPREAD * rng.standard_normal())
+            log_back = prior.log_common(common[[k]]) - prior.log_common(trial[[k]])
+        else:
+            trial[k] += 10.0 ** rng.uniform(*THICKNESS_DECADES) * rng.standard_normal()
+        new = log_common(trial)
+        if new > -math.inf and math.log(1.0 - rng.random()) < beta * (new - now) + log_back:
+            common, now = trial, new
+    chain.lines[:] = prior.lines(orientation, strength, angle, common)
+    chain.graph.sums[c.LOG_PRIOR] += gained + now - first

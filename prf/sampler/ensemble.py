@@ -17,6 +17,7 @@ from prf.kernels import constants as c
 from prf.kernels.poses.state import POSE_MOVES
 from prf.model.coloring import Draws
 from prf.model.layout import image_grid, pixel_centres
+from prf.model.walls import WallDraws, moves_of, walls_of
 from prf.poses.body import BODY, apart
 from prf.poses.posterior import Trajectory, pose_functionals
 from prf.results import PosteriorImage
@@ -42,6 +43,7 @@ class Sample(NamedTuple):
     """Draws of all chains after burn-in, chain by chain."""
 
     draws: Draws
+    walls: WallDraws | None  # of maps of walls, whose draws are the regions that they cover
     chain: NDArray[np.int32]  # (n,)
     step: NDArray[np.int64]  # (n,)
     functionals: dict[str, NDArray[np.float64]]  # (n,)
@@ -225,8 +227,11 @@ class Ensemble:
         flat = [draw for draws in recorded for draw in draws]
         colours = np.array([draw.probe_black for draw in flat], np.bool_)
         values = np.array([draw.functionals for draw in flat]).reshape(len(flat), len(DIRECTIONS) + len(FUNCTIONALS))
+        has_walls = self.target.walls is not None
+        maps = [draw.region if has_walls else draw.coloring for draw in flat]
         return Sample(
-            draws=Draws.from_colorings([draw.coloring for draw in flat], self.target.window),
+            draws=Draws.from_colorings(maps, self.target.window),
+            walls=WallDraws.of([walls_of(draw.coloring) for draw in flat]) if has_walls else None,
             chain=_chains_of(recorded),
             step=np.array([draw.step for draw in flat], np.int64),
             functionals=named_values(values, self.target),
@@ -286,7 +291,7 @@ class Ensemble:
 
     def named_outcomes(self) -> dict[str, NDArray[np.int64]]:
         """Return the counts (3,) of each move by its name, those of poses among them where these are uncertain."""
-        found = {name: counts for (name, _), counts in zip(c.MOVES, self.outcomes(), strict=True)}
+        found = {name: counts for (name, _), counts in zip(moves_of(self.target.walls), self.outcomes(), strict=True)}
         turns = [chain.poses for chain in self.chains if chain.poses is not None]
         if turns:
             total = np.sum([turn.state.outcomes for turn in turns], axis=0)

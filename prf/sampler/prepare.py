@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from prf.configuration import Configuration, ReadingOptions
-from prf.model.orientation import Orientation
 from prf.model.points import resolved as resolved_points
 from prf.model.points import window_round
 from prf.model.window import Window
@@ -39,6 +38,7 @@ from prf.readings.way import driven_way
 from prf.sampler.continued import Earlier
 from prf.sampler.schedules import AUTO_TEMPERATURES, LadderPlan
 from prf.sampler.target import Execution, LaserData, PointData, SonarData, Target
+from prf.sampler.walls import orientation_of, refuse_with_walls, wall_prior
 from prf.shell.errors import ConfigError, InputError
 
 BEAM_DENSITY = 16.0
@@ -247,7 +247,10 @@ def _resolved(
     }
     if config.driven.radius is None:
         changes["driven_radius"] = 0.0 if config.trajectory.is_uncertain else DRIVEN_RADIUS
-    if config.sampler.tiles is None:
+    if config.prior.is_walls:
+        refuse_with_walls(config)
+        changes["tiles"] = 0
+    elif config.sampler.tiles is None:
         is_whole = config.sampler.is_tempered or config.trajectory.is_uncertain
         changes["tiles"] = 0 if is_whole else chosen_tiles(window, n_readings)
     if beams is not None:
@@ -376,8 +379,9 @@ def make_target(
         sonar=None if cones is None else SonarData(cones, config.sonar),
         points=None if points is None else PointData(points, config.points),
         driven_radius=config.driven.radius or 0.0,
-        orientation=Orientation.of(config.prior.orientation, config.prior.orientation_angle),
+        orientation=orientation_of(config.prior),
         free_space=config.prior.free_space,
+        walls=wall_prior(config.prior),
         execution=Execution(resolution=resolution, tiles=config.sampler.tiles or 0),
     )
 

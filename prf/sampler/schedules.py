@@ -40,7 +40,6 @@ from prf.sampler.target import (
     Target,
     exchanged,
     occupied_cost,
-    penalised_log_likelihood,
     repaint,
     run_chain,
     settle_image,
@@ -134,7 +133,9 @@ class Regions(Plain):
 
 def has_regions(target: Target, chain: Chain) -> bool:
     """Return whether a chain steps in regions: with a laser, whose returns are the targets, but not in tiles."""
-    return target.laser is not None and len(chain.targets.cell) > 0 and not target.execution.tiles
+    return (
+        target.walls is None and target.laser is not None and len(chain.targets.cell) > 0 and not target.execution.tiles
+    )
 
 
 Floats = NDArray[np.float64]
@@ -204,6 +205,12 @@ def even_powers(powers: Floats, refusals: Floats) -> Floats:
         upper, lower = powers[i], powers[i + 1]
         moved[k] = upper ** (1.0 - share) * lower**share if lower > 0.0 else upper * (1.0 - share)
     return moved
+
+
+def penalised_log_likelihood(chain: Chain, cost: float) -> float:
+    """Return E: the log likelihood less what occupied sensors cost, nats, which an inverse temperature multiplies."""
+    occupied = int(chain.graph.counts[c.OCCUPIED])
+    return float(chain.graph.sums[c.LOG_LIKELIHOOD]) - (cost * occupied if occupied else 0.0)
 
 
 class Ladder(Plain):

@@ -341,7 +341,7 @@ class Session:
             way=target.way,
             counts=self.counts,
             trajectory=ensemble.trajectory(),
-            best=None if best is None else best.coloring,
+            best=None if best is None else best.coloring if target.walls is None else best.region,
             best_log_posterior=float("nan") if best is None else float(best.functionals[-1]),
             diagnostics=diagnostics_of(ensemble, image, self._seconds, self.progress.steps_per_second),
             path=self.folder,

@@ -45,6 +45,7 @@ from prf.model.layout import grow, make_guards, make_index, read_coloring
 from prf.model.ranges import beam_influence, unit_vectors, window_exit
 from prf.model.window import Window
 from prf.readings.way import cleared, way_guards
+from prf.sampler.lines import lines_map
 from prf.sampler.target import (
     LaserData,
     Target,
@@ -92,6 +93,8 @@ def find_start_map(
     start: Start, target: Target, rng: np.random.Generator, stop_requested: Callable[[], bool]
 ) -> Coloring:
     """Return a map to start from, every sensor in white."""
+    if target.walls is not None:
+        return lines_map(target, rng) if start == "grid" else one_colour_map(target)
     if start == "grid":
         return contour_map(target, rng)
     return from_prior(target, rng, stop_requested) if start == "prior" else one_colour_map(target)
@@ -277,7 +280,7 @@ def prior_ground(target: Target, chain: Chain) -> PriorGround | None:
 
     Values at points concern the colour of all ground between them, so that with them there is no such ground.
     """
-    if target.points is not None or (target.laser is None and target.sonar is None):
+    if target.walls is not None or target.points is not None or (target.laser is None and target.sonar is None):
         return None
     return PriorGround(target, chain) if edge_density(target.scale) * target.window.area >= FEWEST_EDGES else None
 

@@ -24,7 +24,6 @@ from prf.kernels.step import run
 from prf.model.coloring import Coloring, black_at
 from prf.model.layout import (
     grow,
-    make_graph,
     make_guards,
     make_image,
     make_index,
@@ -39,6 +38,7 @@ from prf.model.orientation import PLAIN, Orientation
 from prf.model.points import log_density, make_points, paint
 from prf.model.ranges import empty_lists, make_beams, make_cones, make_poses, make_rays, make_sight
 from prf.model.sensors import LaserModel, PointModel, SonarModel
+from prf.model.walls import WallPrior, cover, graph_at, has_walls, moves_of, run_in_walls
 from prf.model.window import Window
 from prf.poses.model import PoseModel
 from prf.readings import PointTable, Readings
@@ -49,7 +49,7 @@ Table = TypeVar("Table", Readings, PointTable)
 Model = TypeVar("Model", LaserModel, SonarModel, PointModel)
 
 NATS_PER_CONE = 5.0
-"""What a sonar reading may lose where nothing explains it, about."""
+"""What a sonar reading may lose where nothing explains it."""
 FIRST_STRENGTH = 1.0
 """Of the preference for the directions of the building, where it is sampled."""
 LEAST_COST = 5.0
@@ -146,6 +146,7 @@ class Target:
     driven_radius: float = 0.0  # of the disc that was free all along it, metres
     orientation: Orientation = PLAIN  # of edges
     free_space: float = 0.0  # what a square metre of black costs, nats
+    walls: WallPrior | None = None  # the map is one of walls; None: of polygons, the Arak process
     poses: PoseModel | None = None  # uncertain ones; readings are then those at the poses where chains start
     # (ny, nx): cells of the image that readings crossed or ended in (:mod:`prf.readings.ground`); None: all
     seen: NDArray[np.bool_] | None = None
@@ -164,6 +165,9 @@ class Target:
         density[c.LIKELIHOOD_POWER] = 1.0
         density[c.OCCUPIED_COST] = np.inf
         density[c.FREE_SPACE] = self.free_space
+        if self.walls is not None:
+            density[c.WALL_DENSITY], density[c.WALL_LENGTH] = self.walls.density, self.walls.length
+            density[c.FREE_END], density[c.CROSSING] = self.walls.free_end, self.walls.crossing
         return density
 
     def lines(self, strength: float | None = None, angle: float | None = None) -> Floats:
@@ -171,6 +175,8 @@ class Target:
         known = self.orientation
         strength = known.strength if known.strength is not None else FIRST_STRENGTH if strength is None else strength
         angle = known.angle if known.angle is not None else 0.0 if angle is None else angle
+        if self.walls is not None:
+            return self.walls.lines(known, strength, angle, self.walls.common())
         return known.lines(strength, angle, self.scale, self.window)
 
     def cell_size(self) -> float:
@@ -207,7 +213,7 @@ def poses_of(target: Target) -> Floats:
 def one_colour_map(target: Target) -> Coloring:
     """Return the map of one colour that a chain starts from: white, or what points prefer if there is no sensor."""
     empty = Coloring.empty(target.window)
-    if target.points is None or target.laser is not None or target.sonar is not None:
+    if target.walls is not None or target.points is None or target.laser is not None or target.sonar is not None:
         return empty
     white, black = log_density(target.points.model, target.points.readings.value).sum(axis=0)
     return empty._replace(anchor_black=bool(black > white))
@@ -242,10 +248,7 @@ def occupied_cost(target: Target, n_sites: int) -> float:
     return max(LEAST_COST, total / max(n_sites, 1))
 
 
-MOVE_WEIGHTS = {move: weight for move, (_, weight) in enumerate(c.MOVES)}
-"""Weight of each move."""
-FIRST_CAPACITY = 256
-FIRST_CELL_ROOM = 24
+FIRST_CAPACITY, FIRST_CELL_ROOM = 256, 24
 CELLS_A_LENGTH = 4.0 / np.pi
 """Cells that a beam in a random direction passes on a length of one cell's side."""
 MOST_LISTED = 4e7
@@ -282,15 +285,15 @@ def make_chain(target: Target, coloring: Coloring) -> Chain:
     """
     window = target.window
     capacity = max(FIRST_CAPACITY, 2 * (len(coloring.xy) + c.MOST_CHANGES))
-    graph = make_graph(coloring, capacity)
+    graph = graph_at(target.walls, coloring, capacity)
     laser, ray = target.laser or NO_LASER, rays_of(target)
     cell = target.cell_size()
     if target.execution.cell is None:
         # So many beams that their lists would fill the memory get larger cells.
         cell = max(cell, CELLS_A_LENGTH * float(ray[:, c.MAX_DISTANCE].sum()) / MOST_LISTED)
     grid = make_grid(*window, cell)
-    weights = np.array([MOVE_WEIGHTS[move] for move in range(c.N_MOVES)])
-    if target.orientation.is_plain:
+    weights = np.array([weight for _, weight in moves_of(target.walls)])
+    if target.walls is None and target.orientation.is_plain:
         weights[[c.BOX_BIRTH, c.BOX_DEATH]] = 0.0
     targets = make_targets(window, target.target_side(), return_points(target))
     tuning = target.tuning.array(target.scale)
@@ -310,8 +313,9 @@ def make_chain(target: Target, coloring: Coloring) -> Chain:
         lines=target.lines(),
         tuning=tuning,
         move_probabilities=weights / weights.sum(),
-        outcomes=np.zeros((c.N_MOVES, c.N_OUTCOMES), np.int64),
+        outcomes=np.zeros((len(weights), c.N_OUTCOMES), np.int64),
     )
+    cover(chain)
     trace_all(chain)
     recompute_sums(chain)
     return chain
@@ -328,7 +332,7 @@ def painted_points(data: PointData | None, coloring: Coloring) -> Points:
 
 def run_chain(chain: Chain, rng: np.random.Generator, step: int) -> Chain:
     """Run a chain up to `step`, making room on the way; return it."""
-    while not run(chain, rng, step):
+    while not (run_in_walls(chain, rng, step) if has_walls(chain) else run(chain, rng, step)):
         chain = grow(chain)
     return chain
 
@@ -371,6 +375,7 @@ def with_graph(chain: Chain, target: Target, graph: Graph) -> Chain:
         points=painted_points(target.points, coloring),
         sensors=painted_sites(chain.sensors, coloring),
     )
+    cover(placed)
     trace_all(placed)
     recompute_sums(placed)
     return placed
@@ -378,7 +383,7 @@ def with_graph(chain: Chain, target: Target, graph: Graph) -> Chain:
 
 def with_map(chain: Chain, target: Target, coloring: Coloring) -> Chain:
     """Return the chain at another map and at the same step. Its image is left as it is."""
-    graph = make_graph(coloring, max(FIRST_CAPACITY, 2 * (len(coloring.xy) + c.MOST_CHANGES)))
+    graph = graph_at(target.walls, coloring, max(FIRST_CAPACITY, 2 * (len(coloring.xy) + c.MOST_CHANGES)))
     graph.counts[c.STEP] = chain.graph.counts[c.STEP]
     return with_graph(chain, target, graph)
 
@@ -387,14 +392,9 @@ def repaint(chain: Chain) -> None:
     """Let the image follow the map that the chain was given; the times of the old one must be settled."""
     if chain.image.black.size > 0:
         paint_image(chain.image, read_coloring(chain.graph), int(chain.graph.counts[c.STEP]))
+        cover(chain)
 
 
 def settle_image(chain: Chain) -> None:
     """Add up the times of the image up to the present step."""
     settle_all(chain.image, int(chain.graph.counts[c.STEP]))
-
-
-def penalised_log_likelihood(chain: Chain, cost: float) -> float:
-    """Return E: the log likelihood less what occupied sensors cost, nats, which an inverse temperature multiplies."""
-    occupied = int(chain.graph.counts[c.OCCUPIED])
-    return float(chain.graph.sums[c.LOG_LIKELIHOOD]) - (cost * occupied if occupied else 0.0)

@@ -23,14 +23,20 @@ from prf.sampler.chain import LONGEST_BLOCK
 from prf.sampler.checkpoint import load_checkpoint, save_checkpoint
 from prf.sampler.ensemble import FIRST_LOOK, is_look
 from prf.sampler.prepare import ladder_plan
-from prf.sampler.schedules import AUTO_TEMPERATURES, Ladder, LadderPlan, even_powers, stretched_powers
+from prf.sampler.schedules import (
+    AUTO_TEMPERATURES,
+    Ladder,
+    LadderPlan,
+    even_powers,
+    penalised_log_likelihood,
+    stretched_powers,
+)
 from prf.sampler.target import (
     Execution,
     Target,
     exchanged,
     make_chain,
     occupied_cost,
-    penalised_log_likelihood,
     repaint,
     with_map,
 )

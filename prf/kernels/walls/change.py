@@ -1,0 +1,193 @@
+"""Moves of one wall: shift, turn, extend, an end to a joint or off it, thickness (docs/walls.md).
+
+All but the last two are symmetric over middle (or an end), direction, length and thickness, between which the measure
+is the same: densities are 0.
+"""
+
+import math
+
+from prf.kernels import constants as c
+from prf.kernels._jit import Array, Rng, core
+from prf.kernels.state.graph import Graph
+from prf.kernels.state.proposal import ILLEGAL, Densities, Proposal
+from prf.kernels.walls.birth import draw_thickness
+from prf.kernels.walls.law import THICKEST, THINNEST, log_thickness
+from prf.kernels.walls.shape import Wall, length_of, placed, turned_round
+from prf.kernels.walls.table import Walls, put, start, take, wall_in
+
+LEAST_STEP, MOST_STEP = 0.002, 0.5
+"""Metres: a shift has a normal law whose scale is drawn, even in its logarithm, between these."""
+MOST_EXTENSION = 3.0
+"""The same of an extension."""
+MOST_THICKENING = 0.2
+OFF = 0.5
+"""Mean distance that an end is taken off a joint, or to one, m."""
+TO_JOINT = 0.5
+"""Share of ends that are taken to a joint."""
+REACH = 1.0
+"""Metres at which a joint is half as probable as one next to the end."""
+
+
+@core
+def step(least: float, most: float, rng: Rng) -> float:
+    """A symmetric random step, its scale even in the logarithm."""
+    return least * math.pow(most / least, rng.random()) * rng.standard_normal()
+
+
+@core
+def pick_wall(graph: Graph, proposal: Proposal, walls: Walls, rng: Rng) -> Wall:
+    """Take a uniform wall out, from either end; there is one."""
+    n = graph.counts[c.WALLS]
+    wall = take(graph, proposal, walls, min(int(rng.random() * n), n - 1))
+    return wall if rng.random() < 0.5 else turned_round(wall)
+
+
+@core
+def propose_shift(graph: Graph, proposal: Proposal, walls: Walls, rng: Rng) -> Densities:
+    """Shift a wall across or along itself."""
+    start(proposal, walls)
+    if graph.counts[c.WALLS] == 0:
+        return ILLEGAL
+    wall = pick_wall(graph, proposal, walls, rng)
+    by = step(LEAST_STEP, MOST_STEP, rng) / length_of(wall)
+    dx, dy = by * (wall[2] - wall[0]), by * (wall[3] - wall[1])
+    if rng.random() < 0.7:
+        dx, dy = -dy, dx
+    moved = (wall[0] + dx, wall[1] + dy, wall[2] + dx, wall[3] + dy, wall[4])
+    return put(graph, proposal, walls, moved), 0.0, 0.0
+
+
+@core
+def propose_turn(graph: Graph, proposal: Proposal, walls: Walls, rng: Rng) -> Densities:
+    """Turn a wall about an end or its middle."""
+    start(proposal, walls)
+    if graph.counts[c.WALLS] == 0:
+        return ILLEGAL
+    wall = pick_wall(graph, proposal, walls, rng)
+    length, share = length_of(wall), 0.5 * int(2.0 * rng.random())
+    angle = step(LEAST_STEP, MOST_STEP, rng) / length
+    px, py = wall[0] + share * (wall[2] - wall[0]), wall[1] + share * (wall[3] - wall[1])
+    cosine, sine = math.cos(angle), math.sin(angle)
+    ux, uy = (wall[2] - wall[0]) / length, (wall[3] - wall[1]) / length
+    ux, uy = cosine * ux - sine * uy, sine * ux + cosine * uy
+    moved = placed(px - share * length * ux, py - share * length * uy, ux, uy, length, wall[4])
+    return put(graph, proposal, walls, moved), 0.0, 0.0
+
+
+@core
+def with_length(wall: Wall, length: float) -> Wall:
+    """The wall with its second end at another distance from the first."""
+    factor = length / length_of(wall)
+    return (
+        wall[0],
+        wall[1],
+        wall[0] + factor * (wall[2] - wall[0]),
+        wall[1] + factor * (wall[3] - wall[1]),
+        wall[4],
+    )
+
+
+@core
+def propose_extend(graph: Graph, proposal: Proposal, walls: Walls, rng: Rng) -> Densities:
+    """Extend or shorten a wall at one end."""
+    start(proposal, walls)
+    if graph.counts[c.WALLS] == 0:
+        return ILLEGAL
+    wall = pick_wall(graph, proposal, walls, rng)
+    length = length_of(wall) + step(LEAST_STEP, MOST_EXTENSION, rng)
+    if not length > wall[4]:
+        return ILLEGAL
+    return put(graph, proposal, walls, with_length(wall, length)), 0.0, 0.0
+
+
+@core
+def span_within(wall: Wall, other: Wall) -> tuple[float, float]:
+    """Distances from the first end of a wall, along it, between which its line lies in another one."""
+    length, own = length_of(other), length_of(wall)
+    ux, uy = (other[2] - other[0]) / length, (other[3] - other[1]) / length
+    dx, dy = (wall[2] - wall[0]) / own, (wall[3] - wall[1]) / own
+    px, py = wall[0] - other[0], wall[1] - other[1]
+    low, high = 0.0, math.inf
+    for axis in range(2):
+        at, change = (px * ux + py * uy, dx * ux + dy * uy) if axis == 0 else (py * ux - px * uy, dy * ux - dx * uy)
+        least, most = (0.0, length) if axis == 0 else (-0.5 * other[4], 0.5 * other[4])
+        if change == 0.0:
+            if not least <= at <= most:
+                return 1.0, 0.0
+        else:
+            first, second = (least - at) / change, (most - at) / change
+            low, high = max(low, min(first, second)), min(high, max(first, second))
+    return low, high
+
+
+@core
+def joint_density(graph: Graph, walls: Walls, wall: Wall, length: float, u: float) -> tuple[float, float]:
+    """Density of taking the second end of a wall to `length` by a joint, 1/m; and a length drawn so with `u` in [0, 1).
+
+    The length is that of the wall where its line meets no other.
+    """
+    own, total, found, drawn = length_of(wall), 0.0, 0.0, length_of(wall)
+    for turn in range(2):
+        left = u * total
+        for i in range(graph.counts[c.WALLS]):
+            if i == walls.old[0]:
+                continue
+            low, high = span_within(wall, wall_in(walls.row, i))
+            if not low < high:
+                continue
+            away = (0.5 * (low + high) - own) / REACH
+            weight = 1.0 / (1.0 + away * away)
+            if turn == 0:
+                total += weight
+                if low <= length <= high:
+                    found += weight / (high - low)
+            elif left < weight:
+                return found / total, low + left / weight * (high - low)
+            else:
+                left -= weight
+        if total == 0.0:
+            break
+    return (found / total if total > 0.0 else 0.0), drawn
+
+
+@core
+def propose_end(graph: Graph, proposal: Proposal, walls: Walls, rng: Rng) -> Densities:
+    """Take an end of a wall along its line into another wall, or off one, by a law that does both."""
+    start(proposal, walls)
+    if graph.counts[c.WALLS] == 0:
+        return ILLEGAL
+    wall = pick_wall(graph, proposal, walls, rng)
+    own = length_of(wall)
+    if rng.random() < TO_JOINT:
+        length = joint_density(graph, walls, wall, own, rng.random())[1]
+    else:
+        length = own + OFF * rng.standard_exponential() * (1.0 if rng.random() < 0.5 else -1.0)
+    if not length > wall[4] or length == own:
+        return ILLEGAL
+    moved = with_length(wall, length)
+    off = (1.0 - TO_JOINT) * 0.5 / OFF * math.exp(-abs(length - own) / OFF)
+    forward = TO_JOINT * joint_density(graph, walls, wall, length, 0.0)[0] + off
+    back = TO_JOINT * joint_density(graph, walls, moved, own, 0.0)[0] + off
+    if not (forward > 0.0 and back > 0.0):
+        return ILLEGAL
+    return put(graph, proposal, walls, moved), math.log(forward), math.log(back)
+
+
+@core
+def propose_thickness(graph: Graph, proposal: Proposal, walls: Walls, lines: Array, rng: Rng) -> Densities:
+    """Give a wall another thickness, by a step or from its law, about its middle or from a face that stays."""
+    start(proposal, walls)
+    if graph.counts[c.WALLS] == 0:
+        return ILLEGAL
+    wall = pick_wall(graph, proposal, walls, rng)
+    is_step, is_middle = rng.random() < 0.6, rng.random() < 0.3
+    thickness = wall[4] + step(LEAST_STEP, MOST_THICKENING, rng) if is_step else draw_thickness(lines, rng)
+    if not THINNEST < thickness < THICKEST:
+        return ILLEGAL
+    by = 0.0 if is_middle else 0.5 * (thickness - wall[4]) / length_of(wall)
+    dx, dy = -by * (wall[3] - wall[1]), by * (wall[2] - wall[0])
+    moved = (wall[0] + dx, wall[1] + dy, wall[2] + dx, wall[3] + dy, thickness)
+    legal = put(graph, proposal, walls, moved)
+    if is_step:
+        return legal, 0.0, 0.0
+    return legal, log_thickness(lines, thickness), log_thickness(lines, wall[4])
