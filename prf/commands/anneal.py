@@ -77,6 +77,8 @@ def anneal(
     if steps is not None and time_budget is not None:
         raise UsageError("--steps and --time-budget: give one of them.")
     config = settings.settings
+    if simplify is not None and config.prior.is_walls:
+        raise UsageError("--simplify: walls have no vertices to give up. Leave it out beside --prior walls.")
     target = output or str(default_output(logs[0]).with_suffix(".geojson"))
     logs = with_poses(logs, config)
     claim_output(target, force, inputs=[*logs, settings.file], suffixes=(".geojson",), json=json)
@@ -146,6 +148,8 @@ def _cool(
         "n_beams": n_beams,
         "n_beams_thinned": prepared.n_beams_thinned,
     }
+    if found.walls is not None:
+        made["walls"] = found.walls.tolist()
     return found, made, stop
 
 

@@ -71,6 +71,10 @@ Simplify = Annotated[
     float | None,
     typer.Option("--simplify", metavar="METRES", help="dxf, svg: by which outlines may be off.  [dxf 0.05, svg 0]"),
 ]
+AsLayer = Annotated[
+    Literal["area", "walls"],
+    typer.Option("--layer", help="geojson, dxf: the occupied area; or centre lines and doors of --prior walls."),
+]
 Extrapolate = Annotated[
     float | None,
     typer.Option(
@@ -94,6 +98,7 @@ def export(
     keep_out: KeepOut = None,
     simplify: Simplify = None,
     extrapolate: Extrapolate = None,
+    layer: AsLayer = "area",
     output: Output = None,
     json: Json = False,
     force: Force = False,
@@ -125,6 +130,7 @@ def export(
         resolution=resolution,
         extrapolate=extrapolate,
         simplify=simplify,
+        walls=layer == "walls",
     )
     done = export_source(source, output, options, force)
     for note in done.notes:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.special import ive
 
 from prf.kernels import constants as c
+from prf.kernels.readings.sonar_features import MAY_CROSS
 from prf.kernels.state.chain import Chain
 from prf.kernels.state.graph import Graph
 from prf.kernels.walls.cover import cover_all
@@ -105,6 +106,7 @@ def has_walls(chain: Chain) -> bool:
 
 def run_in_walls(chain: Chain, rng: np.random.Generator, step: int) -> bool:
     """Run a chain of walls up to `step`; return False if it needs room first."""
+    chain.cones.sight.counts[MAY_CROSS] = 1
     return bool(run_walls(chain, scratch_walls(len(chain.graph.edge_length)), rng, step))
 
 
@@ -112,6 +114,7 @@ def cover(chain: Chain) -> None:
     """Count the walls of a map of walls over pixels, points and sensors, whose colours by parity are wrong."""
     if has_walls(chain):
         sensors = chain.sensors
+        chain.cones.sight.counts[MAY_CROSS] = 1
         cover_all(chain.graph, chain.image, chain.points, np.zeros((4, 2)), sensors.black, sensors.xy)
 
 

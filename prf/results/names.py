@@ -26,6 +26,8 @@ SCHEMAS = {
 }
 OLD_POSTERIOR = "prf.posterior/1"
 """Without the cells that were seen; read, no longer written."""
+PLAN_SCHEMA = "prf.plan/1"
+"""Centre lines and doors, which an export writes."""
 CHECKPOINT_SCHEMA = "prf.checkpoint/3"
 """Apart from the others: only the sampler writes and reads what is in it."""
 SONAR_PREFIX = "sonar_"

@@ -2,7 +2,8 @@
 
 The mode is that of the density over the lines that carry the edges, |E| log p - 2 p length + log likelihood. Over
 vertices the same distribution has the factors 1/|e| and sin(phi), and no mode: ever shorter edges are ever denser. At
-temperature T the chain samples exp(that / T) times these factors, at T = 1 the posterior itself.
+temperature T the chain samples exp(that / T) times these factors, at T = 1 the posterior itself. Of walls it is the
+mode of their density (:mod:`prf.kernels.walls.law`), which needs no such choice.
 """
 
 from __future__ import annotations
@@ -12,12 +13,14 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from prf.configuration import Cooling, Start
 from prf.kernels import constants as c
 from prf.kernels.state.build import recompute_sums
 from prf.model.coloring import Coloring
 from prf.model.layout import read_coloring
+from prf.model.walls import united, walls_of
 from prf.sampler.chain import line_score
 from prf.sampler.directions import redraw_directions
 from prf.sampler.ensemble import Ensemble
@@ -55,6 +58,7 @@ class Annealed(NamedTuple):
     share: float  # of the schedule that is done
     temperature: float
     given_up: float = 0.0  # nats that simplifying has cost; below 0 where it found a better map
+    walls: NDArray[np.float64] | None = None  # (n, 5) of a map of walls, which `best` is the region of
 
     @property
     def score(self) -> float:
@@ -84,7 +88,8 @@ def anneal(
         beta = inverse_temperature(cooling, share)
         for chain in ensemble.chains:
             chain.chain.density[c.INVERSE_TEMPERATURE] = beta
-    return _best_so_far(ensemble, share, beta)
+    found = _best_so_far(ensemble, share, beta)
+    return found if target.walls is None else found._replace(best=united(found.best), walls=walls_of(found.best))
 
 
 def simplified(

@@ -12,6 +12,7 @@ from shapely.geometry.base import BaseGeometry
 from prf.kernels.state.grid import make_grid
 from prf.model.coloring import Coloring, from_polygons, occupied_polygons
 from prf.model.ranges import unit_vectors, window_exit
+from prf.model.walls import map_of_walls, walls_of
 from prf.model.window import Window
 from prf.readings import Readings
 from prf.readings.ground import count_beams
@@ -19,6 +20,7 @@ from prf.readings.way import cleared
 from prf.results import PosteriorImage
 from prf.results.geojson import area_of_cells
 from prf.results.score.scene import first_edges
+from prf.sampler.lines import allowed
 from prf.sampler.starts import CELL, CLEAR, MOST_CELLS, map_of_region, occupied_region
 from prf.sampler.target import Target, white_places
 from prf.shell.errors import InputError
@@ -38,9 +40,12 @@ def continued_map(earlier: Earlier, target: Target) -> Coloring:
     """Return the map of a run with what beams show of ground that it did not see, every sensor in white.
 
     There the contour of their returns is added, and what they pass is cut out. What contradicts the run where it saw
-    the ground is left to the chain. Walls that it saw stay what they were, to the last bit.
+    the ground is left to the chain. Walls that it saw stay what they were, to the last bit. A map of walls is gone on
+    from as it is, without those that cover a sensor: births find the others.
     """
     before, window = earlier.coloring, target.window
+    if target.walls is not None:
+        return map_of_walls(allowed(walls_of(before), target), window)
     region = occupied_polygons(before)
     if target.laser is not None:
         readings = _up_to_known_walls(target.laser.readings.within(target.laser.model.limit), before, earlier.image)

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from prf.configuration import Configuration
 from prf.model.coloring import Coloring
 from prf.model.layout import image_grid, pixel_centres
+from prf.model.walls import map_of_walls
 from prf.model.window import Window
 from prf.poses.body import body_of, joined
 from prf.poses.model import LocalReadings, PoseModel
@@ -166,12 +167,18 @@ def _target(
 
 
 def last_maps(run: RunData, n_chains: int) -> tuple[Coloring, ...]:
-    """Return the map that each of so many chains goes on from: the last of a chain, or an earlier one of it."""
+    """Return the map that each of so many chains goes on from: the last of a chain, or an earlier one of it.
+
+    Of a run of walls it is their rectangles (:func:`prf.model.walls.map_of_walls`).
+    """
     own = [np.flatnonzero(run.chain == chain) for chain in np.unique(run.chain)]
     rounds = -(-n_chains // len(own))
     picked = [own[i % len(own)] for i in range(n_chains)]
     back = [(i // len(own)) * len(rows) // (2 * rounds) for i, rows in enumerate(picked)]
-    return tuple(Coloring(*run.draws[int(rows[-1 - each])]) for rows, each in zip(picked, back, strict=True))
+    draws = [int(rows[-1 - each]) for rows, each in zip(picked, back, strict=True)]
+    if run.walls is not None:
+        return tuple(map_of_walls(run.walls[draw], run.draws.window) for draw in draws)
+    return tuple(Coloring(*run.draws[draw]) for draw in draws)
 
 
 def _joined_poses(run: RunData, left: RunData | None, new: Target, rows: NDArray[np.int64]) -> PoseModel | None:

@@ -18,6 +18,7 @@ from prf.kernels.poses.state import LOG_POSE_PRIOR, N_LOCAL, N_POSE_SUMS, POSE_M
 from prf.kernels.poses.turn import run_poses
 from prf.kernels.readings.cones import N_POSE, READING
 from prf.kernels.readings.sonar import SONAR_MAX
+from prf.kernels.readings.sonar_features import MAY_CROSS
 from prf.kernels.state.build import recompute_sums, trace_all
 from prf.kernels.state.chain import Chain
 from prf.model.layout import make_sites
@@ -110,9 +111,11 @@ class PoseTurns(Plain):
         maximum = float(chain.cones.model[SONAR_MAX])
         place_readings(self.state, chain.graph.window, chain.beams.model, maximum, chain.beams.ray, chain.cones.pose)
         beams = make_beams(grid, laser.model, chain.beams.ray, laser.readings.weight, capacity, target.execution.levels)
+        cones = make_cones(grid, sonar.model, chain.cones.pose, capacity)
+        cones.sight.counts[MAY_CROSS] = chain.cones.sight.counts[MAY_CROSS]
         return chain._replace(
             beams=beams._replace(impact_edge=chain.beams.impact_edge),
-            cones=make_cones(grid, sonar.model, chain.cones.pose, capacity),
+            cones=cones,
             sensors=make_sites(grid, np.concatenate([self.sites(), target.way[:, :2], target.way[:, 2:]])),
         )
 

@@ -10,6 +10,7 @@ import shapely
 
 from prf.kernels import constants as c
 from prf.kernels._jit import core_entry
+from prf.kernels.readings.cones import CONE_LOG_LIKELIHOOD
 from prf.kernels.state.build import recompute_sums
 from prf.kernels.state.chain import Chain
 from prf.kernels.state.proposal import find_cells
@@ -19,11 +20,11 @@ from prf.kernels.walls.table import Walls, fill, wall_prior_change
 from prf.model.coloring import Coloring, black_at, check
 from prf.model.layout import grow, make_image, make_targets, pixel_centres, read_coloring
 from prf.model.orientation import Orientation
-from prf.model.sensors import LaserModel, PointModel
+from prf.model.sensors import LaserModel, PointModel, SonarModel
 from prf.model.walls import WallPrior, map_of_walls, scratch_walls, united, walls_of
 from prf.model.window import Window
-from prf.sampler.target import Execution, Target, laser_data, make_chain, point_data, run_chain, with_map
-from tests.reference.recompute import recompute_impacts
+from prf.sampler.target import Execution, Target, laser_data, make_chain, point_data, run_chain, sonar_data, with_map
+from tests.reference.recompute import recompute_cones, recompute_impacts
 from tests.reference.slow_walls import Bar, Plan, bars, log_density, log_ratios
 
 WINDOW = Window(0.0, -1.0, 4.0, 2.5)
@@ -156,6 +157,21 @@ def test_twins_agree() -> None:
         recompute_sums(chain)
         np.testing.assert_allclose(chain.graph.sums, sums, rtol=1e-9)
     assert chain.outcomes[:, c.ACCEPTED].min() > 0
+
+
+def test_twins_agree_on_cones_whose_lines_cross() -> None:
+    rng = np.random.default_rng(9)
+    xy, angle = rng.uniform((0.5, 0.5), (3.5, 1.5), (25, 2)), rng.uniform(-3.0, 3.0, 25)
+    sonar = sonar_data(xy, angle, np.full(25, 0.5), rng.uniform(0.3, 2.0, 25), SonarModel(max_range=2.5))
+    target = Target(WINDOW, 0.1, sonar=sonar, walls=PRIOR, execution=Execution(cell=0.3))
+    chain = make_chain(target, Coloring.empty(WINDOW))
+    chain.density[c.LIKELIHOOD_POWER] = 0.1
+    for until in range(100, 900, 100):
+        chain = run_chain(chain, rng, until)
+        found = recompute_cones(chain)
+        np.testing.assert_allclose(chain.cones.pose[:, CONE_LOG_LIKELIHOOD], found[:, CONE_LOG_LIKELIHOOD], atol=1e-9)
+        assert chain.graph.sums[c.LOG_LIKELIHOOD] == pytest.approx(found[:, CONE_LOG_LIKELIHOOD].sum())
+    assert chain.graph.counts[c.WALLS] > 2
 
 
 def test_a_map_of_walls_is_read_as_it_was_written_and_covers_what_its_walls_do() -> None:

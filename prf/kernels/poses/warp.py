@@ -15,19 +15,58 @@ from prf.kernels.state.chain import Chain
 from prf.kernels.state.edge_index import EdgeIndex, index_edge
 from prf.kernels.state.free_space import black_area, is_white
 from prf.kernels.state.geometry import inside_loop, segments_meet
-from prf.kernels.state.graph import Graph, vertex_sine_now
+from prf.kernels.state.graph import Graph, other_end, outer_edge, vertex_sine_now
 from prf.kernels.state.grid import walk
 from prf.kernels.state.guards import GUARD_WAY, KIND, Guards, meets_any
-from prf.kernels.state.prior import log_prior
+from prf.kernels.walls.law import log_map_prior
+from prf.kernels.walls.shape import wall_of
 
 SLACK = 1e-6
 """Metres by which a box is enlarged: more than impacts are rounded by."""
 
 
 @core
+def warp_walls(graph: Graph, trial: Graph, poses: Poses) -> tuple[bool, float]:
+    """Displace the ends of the walls, whose thickness stays; as :func:`warp_vertices`.
+
+    The density of a wall is over length and direction: two ends are dx dy dx dy = length d(length) d(direction) dx dy.
+    """
+    total, window, work = 0.0, graph.window, poses.work
+    for i in range(graph.counts[c.WALLS]):
+        side = graph.members[c.WALLS, i]
+        ax, ay, bx, by, thickness = wall_of(graph, side)
+        before = math.sqrt((bx - ax) ** 2 + (by - ay) ** 2)
+        if not displace(poses, ax, ay):
+            return False, 0.0
+        ax, ay, change = work[PLACE], work[PLACE + 1], work[LOG_SCALED]
+        if not displace(poses, bx, by):
+            return False, 0.0
+        bx, by = work[PLACE], work[PLACE + 1]
+        length = math.sqrt((bx - ax) ** 2 + (by - ay) ** 2)
+        if not length > thickness:
+            return False, 0.0
+        total += change + work[LOG_SCALED] + math.log(before / length)
+        half_x, half_y = 0.5 * thickness * (by - ay) / length, -0.5 * thickness * (bx - ax) / length
+        edge, v = side, graph.edge_vertices[side, 0]
+        for k in range(4):
+            sign = 1.0 if k < 2 else -1.0
+            x = (ax if k == 0 or k == 3 else bx) + sign * half_x
+            y = (ay if k == 0 or k == 3 else by) + sign * half_y
+            if not (window[0] < x < window[2] and window[1] < y < window[3]):
+                return False, 0.0
+            trial.vertex_xy[v, 0] = x
+            trial.vertex_xy[v, 1] = y
+            v = other_end(graph, edge, v)
+            edge = outer_edge(graph, v, edge)
+    return True, total
+
+
+@core
 def warp_vertices(graph: Graph, trial: Graph, poses: Poses) -> tuple[bool, float]:
     """Displace the interior vertices; return whether all stay inside, and the log of the Jacobian."""
     total, window, work = 0.0, graph.window, poses.work
+    if graph.counts[c.ANCHOR_BLACK] == c.NONE:
+        return warp_walls(graph, trial, poses)
     for kind in (c.INTERIOR_VERTICES, c.BOUNDARY_VERTICES):
         for i in range(graph.counts[kind]):
             v = graph.members[kind, i]
@@ -89,7 +128,7 @@ def place_edges(trial: Graph, index: EdgeIndex, guards: Guards) -> bool:
             xy[2 * end + 1] = trial.vertex_xy[v, 1]
         trial.edge_length[edge] = math.sqrt((xy[2] - xy[0]) ** 2 + (xy[3] - xy[1]) ** 2)
         n = walk(index.grid, xy[0], xy[1], xy[2], xy[3], index.path)
-        if meets_listed(trial, index, edge, n):
+        if trial.counts[c.ANCHOR_BLACK] != c.NONE and meets_listed(trial, index, edge, n):
             return False
         if guards.lists.shape[0] > 1 and meets_any(guards, xy, index.path, n, True):
             return False
@@ -127,6 +166,8 @@ def anchor_after(graph: Graph, trial: Graph, loop: Array) -> int:
     window = graph.window
     x, y = 0.5 * (window[0] + window[2]), 0.5 * (window[1] + window[3])
     black = graph.counts[c.ANCHOR_BLACK]
+    if black == c.NONE:
+        return black
     for i in range(graph.counts[c.EDGES]):
         edge = graph.members[c.EDGES, i]
         old, new = graph.edge_xy[edge], trial.edge_xy[edge]
@@ -194,7 +235,7 @@ def warp(chain: Chain, trial: Graph, trial_index: EdgeIndex, poses: Poses, rng: 
     if not way_is_white(trial, trial_index, chain.guards, anchor_black):
         return False
     place_angles(trial)
-    map_prior = log_prior(trial, chain.density[c.SCALE], chain.lines)
+    map_prior = log_map_prior(trial, chain.density, chain.lines)
     if chain.density[c.FREE_SPACE] > 0.0:
         map_prior -= chain.density[c.FREE_SPACE] * black_area(graph, chain.edge_index, trial)
     pose_prior = log_pose_prior(poses, poses.new_pose, 0, last)

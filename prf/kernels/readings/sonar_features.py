@@ -32,7 +32,8 @@ CORNER = 1.0
 # Entries of ``Sight.counts``.
 N_LINES = 0
 N_FEATURES = 1
-N_SIGHT_COUNTS = 2
+MAY_CROSS = 2  # whether edges may cross, as those of walls do (kernels.walls)
+N_SIGHT_COUNTS = 3
 
 HIDDEN = 1.0 - 1e-9
 """A corner is hidden by what is nearer than this share of its distance."""
@@ -168,6 +169,37 @@ def sort_bounds(sight: Sight) -> int:
     for line in range(sight.counts[N_LINES]):
         for end in range(2):
             slope = sight.slope[line, end]
+            place = n
+            while place > 0 and sight.bound[place - 1] > slope:
+                sight.bound[place] = sight.bound[place - 1]
+                place -= 1
+            sight.bound[place] = slope
+            n += 1
+    return n if sight.counts[MAY_CROSS] == 0 else sort_crossings(sight, n)
+
+
+@core
+def sort_crossings(sight: Sight, n: int) -> int:
+    """Sort the slopes of all crossings of lines among the `n` bounds; return how many there are then.
+
+    What finds no room is passed over: the nearest line is then found in the middle of a gap in which it changes.
+    """
+    for one in range(sight.counts[N_LINES]):
+        ax, ay = sight.line[one, 0], sight.line[one, 1]
+        dx, dy = sight.line[one, 2] - ax, sight.line[one, 3] - ay
+        for other in range(one):
+            low = max(sight.slope[one, 0], sight.slope[other, 0])
+            high = min(sight.slope[one, 1], sight.slope[other, 1])
+            if not low < high:
+                continue
+            before = ahead(sight, one, low) - ahead(sight, other, low)
+            after = ahead(sight, one, high) - ahead(sight, other, high)
+            if before * after >= 0.0 or n == sight.bound.shape[0]:
+                continue
+            px, py = sight.line[other, 0], sight.line[other, 1]
+            qx, qy = sight.line[other, 2] - px, sight.line[other, 3] - py
+            along = ((px - ax) * qy - (py - ay) * qx) / (dx * qy - dy * qx)
+            slope = (ay + along * dy) / (ax + along * dx)
             place = n
             while place > 0 and sight.bound[place - 1] > slope:
                 sight.bound[place] = sight.bound[place - 1]

@@ -19,8 +19,7 @@ from prf.kernels.state.graph import (
     vertex_sine_now,
 )
 from prf.kernels.state.guards import count_blocked
-from prf.kernels.state.prior import log_prior
-from prf.kernels.walls.law import log_wall_prior
+from prf.kernels.walls.law import log_map_prior
 
 
 @core
@@ -93,10 +92,7 @@ def sum_and_list(chain: Chain) -> None:
     for i in range(graph.counts[c.EDGES]):
         length += graph.edge_length[graph.members[c.EDGES, i]]
     graph.sums[c.TOTAL_LENGTH] = length
-    if chain.density[c.WALL_DENSITY] > 0.0:
-        graph.sums[c.LOG_PRIOR] = log_wall_prior(graph, chain.density, chain.lines)
-    else:
-        graph.sums[c.LOG_PRIOR] = log_prior(graph, chain.density[c.SCALE], chain.lines)
+    graph.sums[c.LOG_PRIOR] = log_map_prior(graph, chain.density, chain.lines)
     if chain.density[c.FREE_SPACE] > 0.0:
         graph.sums[c.LOG_PRIOR] -= chain.density[c.FREE_SPACE] * black_area(graph, chain.edge_index, graph)
     readings = relist_beams(chain.beams) + relist_cones(chain.cones)

@@ -11,6 +11,7 @@ from prf.kernels.state.geometry import inside_loop, loop_box, orientation
 from prf.kernels.state.graph import Graph
 from prf.kernels.state.grid import cells_of_box, walk
 from prf.kernels.state.proposal import N_LOOP, N_NEW_EDGES, N_OLD_EDGES, Proposal, is_edge_removed
+from prf.kernels.walls.shape import is_covered
 
 
 @core
@@ -45,7 +46,12 @@ def passes_odd(graph: Graph, index: EdgeIndex, x: float, y: float) -> bool:
 
 @core
 def is_white(graph: Graph, index: EdgeIndex, anchor_black: int, x: float, y: float, without: int) -> bool:
-    """Whether a place is white: by the edges between it and the window's centre, of known colour, but for `without`."""
+    """Whether a place is white: by the edges between it and the window's centre, of known colour, but for `without`.
+
+    In a map of walls, whose anchor is NONE, it is where no wall is.
+    """
+    if anchor_black == c.NONE:
+        return not is_covered(graph, x, y)
     index.mark[0] += 1
     if without != c.NONE:
         index.marks[without] = index.mark[0]

@@ -16,6 +16,7 @@ from prf.kernels._jit import Array, core
 from prf.kernels.state.geometry import segments_meet
 from prf.kernels.state.graph import Graph
 from prf.kernels.state.lines import alignment
+from prf.kernels.state.prior import log_prior
 from prf.kernels.walls.shape import Wall, is_inside, length_of, wall_of
 
 THINNEST = 0.02
@@ -119,6 +120,14 @@ def pair_cost(density: Array, one: Wall, other: Wall) -> float:
         if not (is_joint or holds(other, one[0], one[1]) or holds(other, one[2], one[3])):
             cost += density[c.CROSSING]
     return cost
+
+
+@core
+def log_map_prior(graph: Graph, density: Array, lines: Array) -> float:
+    """Log density of the map: of walls, or of the Arak process."""
+    if density[c.WALL_DENSITY] > 0.0:
+        return log_wall_prior(graph, density, lines)
+    return log_prior(graph, density[c.SCALE], lines)
 
 
 @core

@@ -111,6 +111,10 @@ def write_corners(graph: Graph, side: int, loop: Array) -> None:
 
 @core_entry
 def number_walls(graph: Graph) -> None:
-    """Enter the first sides of the walls of a new graph, four edges each in their order, into the set of walls."""
+    """Enter the first sides of the walls of a new graph, four edges each in their order, into the set of walls.
+
+    The anchor, NONE, tells such a graph: colours follow from the walls, and not from the edges on the way.
+    """
+    graph.counts[c.ANCHOR_BLACK] = c.NONE
     for i in range(graph.counts[c.EDGES] // 4):
         set_add(graph, c.WALLS, graph.members[c.EDGES, 4 * i])

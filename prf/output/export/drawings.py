@@ -4,29 +4,38 @@ from __future__ import annotations
 
 import io
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from xml.sax.saxutils import escape
 
 import numpy as np
 from numpy.typing import NDArray
 from shapely import MultiPolygon, Polygon
 
+from prf.model.walls import N_WALL, corners_of
 from prf.model.window import Window
 from prf.output.export.outlines import LAYERS, OCCUPIED, Outline
+from prf.results.plan import Plan
 
 MAX_SIDE = 0.4  # metres of paper: the longer side of an A3 page with margins
 DECIMALS = 4  # a tenth of a millimetre in the world
 STRIP = 0.06  # height of the strip with the scale bar below the map, as a share of the window's longer side
 VERSION = "R2010"  # the first whose text is UTF-8 and that every CAD program in use reads
 OUTLINE = "OUTLINE"
-LAYER_STYLES = {
+WALLS, CENTRE_LINES, DOORS = "WALLS", "CENTRE_LINES", "DOORS"
+AREA_LAYERS = {
     OCCUPIED: (7, "CONTINUOUS", "outlines of one map"),
     LAYERS[0][1]: (7, "CONTINUOUS", "outlines that 90 % of the draws have or more"),
     LAYERS[1][1]: (30, "CONTINUOUS", "outlines that 50 to 90 % of the draws have"),
     LAYERS[2][1]: (1, "DASHED", "outlines that fewer than half of the draws have"),
     OUTLINE: (8, "CONTINUOUS", "window of the map"),
 }
-"""Colour (AutoCAD index: 7 black or white, 30 orange, 1 red, 8 grey), line type and words of each layer."""
+PLAN_LAYERS = {
+    WALLS: (7, "CONTINUOUS", "walls with their thickness"),
+    CENTRE_LINES: (1, "CONTINUOUS", "centre lines of walls"),
+    DOORS: (3, "CONTINUOUS", "doors, from jamb to jamb"),
+    OUTLINE: AREA_LAYERS[OUTLINE],
+}
+"""Colour (AutoCAD index: 7 black or white, 30 orange, 1 red, 3 green, 8 grey), line type and words of each layer."""
 
 
 def svg_text(area: MultiPolygon, window: Window, title: str) -> str:
@@ -113,13 +122,30 @@ def dxf_text(lines: Sequence[Outline], window: Window, title: str) -> str:
     outer rings run counter-clockwise and holes clockwise. `window`: a closed polyline on the layer ``OUTLINE``.
     `title`: for the drawing's properties.
     """
+    return _drawing(lines, AREA_LAYERS, window, title)
+
+
+def plan_dxf(plan: Plan, window: Window, title: str) -> str:
+    """Return the text of a DXF file of a plan.
+
+    Each wall is a closed polyline on the layer ``WALLS`` and its centre line one on ``CENTRE_LINES``, each door a line
+    between its jambs on ``DOORS``; the window as in :func:`dxf_text`.
+    """
+    walls = np.array([[*wall.ends.ravel(), wall.thickness] for wall in plan.walls]).reshape(-1, N_WALL)
+    lines = [Outline(xy, True, WALLS) for xy in corners_of(walls)]
+    lines += [Outline(wall.ends, False, CENTRE_LINES) for wall in plan.walls]
+    lines += [Outline(door.ends, False, DOORS) for door in plan.doors]
+    return _drawing(lines, PLAN_LAYERS, window, title)
+
+
+def _drawing(lines: Sequence[Outline], layers: Mapping[str, tuple[int, str, str]], window: Window, title: str) -> str:
     from ezdxf import units  # noqa: PLC0415 - a third of a second, for DXF alone
     from ezdxf.filemanagement import new  # noqa: PLC0415
 
     document = new(VERSION, setup=["linetypes"], units=units.M)
     document.header["$MEASUREMENT"] = 1  # metric line types
     document.header.custom_vars.append("Title", title)
-    for name, (colour, line_type, words) in LAYER_STYLES.items():
+    for name, (colour, line_type, words) in layers.items():
         document.layers.add(name, color=colour, linetype=line_type).description = words
     space = document.modelspace()
     for line in lines:

@@ -14,12 +14,13 @@ from shapely import MultiPolygon
 
 from prf.model.coloring import oriented_polygons
 from prf.output.export.cells import cells_of, cut_to_known, returned
-from prf.output.export.drawings import dxf_text, paper_ratio, svg_text
+from prf.output.export.drawings import dxf_text, paper_ratio, plan_dxf, svg_text
 from prf.output.export.netcdf import netcdf_bytes
 from prf.output.export.outlines import SIMPLIFIED, outlines, simplified
 from prf.output.export.ros import MODES, Mode, nav2_parameters, ros_map
 from prf.output.export.source import Source, g2o_text, read_source, require_existing, stem_of, trajectory_of, tum_text
 from prf.results import map_text
+from prf.results.plan import plan_text
 from prf.shell.cli.files import STREAM, encoded, open_output, together
 from prf.shell.cli.outputs import beside, exclusive, refuse_existing, refuse_inputs
 from prf.shell.errors import InputError, UsageError
@@ -63,6 +64,7 @@ class Options:
     extrapolate: float | None = None
     # of a drawing: metres by which outlines may be off, with fewer vertices; None: `SIMPLIFIED` of DXF, 0 of SVG
     simplify: float | None = None
+    walls: bool = False  # centre lines and doors of a map of walls, not the occupied area
 
 
 class Exported(NamedTuple):
@@ -129,6 +131,10 @@ def check_options(name: str, options: Options) -> None:
         _check_ros_map(options)
     if options.returns and (options.squares or options.draw is not None):
         raise UsageError("--returns is of all draws and of whole cells: leave --squares and --draw out.")
+    if options.walls and name not in (GEOJSON, DXF):
+        raise UsageError(f"--layer walls is for --format geojson and dxf, not {name}.")
+    if options.walls and options.extrapolate is not None:
+        raise UsageError("--extrapolate is for the occupied area: leave it out beside --layer walls.")
     if options.extrapolate is not None and name in (NETCDF, TUM, G2O):
         raise UsageError(f"--extrapolate is for maps, not for --format {name}.")
     if options.extrapolate is not None and not 0.0 <= options.extrapolate < float("inf"):
@@ -203,6 +209,8 @@ def _content(
         return ((text,), {"n_poses": figures.pop("n"), **figures})
     if name == ROS_MAP:
         return _ros_map(source, options, *(PurePath(file).name for file in files[:2]))
+    if options.walls:
+        return _plan(name, source, options.draw)
     chosen = source.choose_map(options.draw)
     if options.draw is None:
         chosen = cut_to_known(chosen, source.image, options.extrapolate or 0.0)
@@ -221,6 +229,14 @@ def _content(
         facts |= {f"n_{layer}": counts[layer] for layer in sorted(counts)}
         return ((dxf_text(lines, window, title),), facts)
     return ((svg_text(area, window, title),), {**facts, "scale": f"1:{paper_ratio(window):g}"})
+
+
+def _plan(name: str, source: Source, draw: int | None) -> tuple[tuple[str], dict[str, Any]]:
+    """Return centre lines and doors of walls, and figures about them."""
+    plan, window = source.choose_plan(draw)
+    title = _printable(stem_of(source.path))
+    text = plan_text(plan, window) if name == GEOJSON else plan_dxf(plan, window, title)
+    return (text,), {"n_walls": len(plan.walls), "length": plan.length, "n_doors": len(plan.doors)}
 
 
 def _counts(area: MultiPolygon) -> dict[str, Any]:

@@ -9,18 +9,21 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from prf.model.coloring import Coloring, from_polygons
+from prf.model.walls import N_WALL
 from prf.model.window import Window
 from prf.poses.posterior import Trajectory
 from prf.results import PosteriorImage, RunData, names, read_map_feature, read_run_data
 from prf.results.occupancy import OccupancyGrid, is_grid, read_grid
+from prf.results.plan import Plan, no_walls, plan_of, plan_of_walls
 from prf.results.score import read_occupied_area
 from prf.shell.cli.files import open_input
 from prf.shell.errors import InputError, UsageError
 
 PARTS = (names.POSTERIOR, names.POSES, names.MAP, names.DIAGNOSTICS)
-KEPT = ("log_posterior", "draw", "chain", "step")
+KEPT = ("log_posterior", "draw", "chain", "step", "walls")
 """Properties of a map in a file that an export of it has too; the rest follows from the map."""
 STEM_SUFFIXES = (".run", ".npz", ".grid", ".geojson", ".json")
 CERTAIN = 1e-6
@@ -66,6 +69,32 @@ class Source:
         if self.map is not None:
             return self.map
         raise self.require_run("polygons").missing(names.MAP)
+
+    def choose_plan(self, draw: int | None) -> tuple[Plan, Window]:
+        """Return walls and doors of the run, of one draw of it or of a map, and the window."""
+        if self.run is not None and draw is None:
+            return plan_of(self.run), self.run.draws.window
+        if self.run is not None:
+            if self.run.walls is None:
+                raise no_walls(self.run.name)
+            return plan_of_walls(self.run.walls[draw_number(self.run, draw or 0)]), self.run.draws.window
+        walls = {} if self.map is None else self.map.properties
+        if self.map is None or "walls" not in walls:
+            raise no_walls(str(self.path))
+        return plan_of_walls(walls_from(walls["walls"], self.path)), self.map.coloring.window
+
+
+def walls_from(rows: Any, path: Path) -> NDArray[np.float64]:
+    """Return the walls (n, N_WALL) that a map in a file names."""
+    try:
+        walls = np.array(rows, np.float64).reshape(-1, N_WALL)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{path}: walls must be rows of {N_WALL} numbers.") from error
+    if not (
+        np.isfinite(walls).all() and (walls[:, 4] > 0.0).all() and (walls[:, :2] != walls[:, 2:4]).any(axis=1).all()
+    ):
+        raise InputError(f"{path}: a wall has no length, or no thickness.")
+    return walls
 
 
 def stem_of(path: str | os.PathLike[str]) -> str:

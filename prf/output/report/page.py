@@ -11,6 +11,7 @@ import numpy as np
 from prf.output.export.cells import cut_to_known, returned
 from prf.output.export.source import Map
 from prf.output.report.embedded import Numbers, fitting, pack_image, pack_scene, step_of
+from prf.output.report.plan import plan_section
 from prf.output.report.truth import truth_section
 from prf.poses.truth import TrueErrors
 from prf.readings import log_stem
@@ -44,6 +45,7 @@ def write_report(path: str, run: RunData, title: str | None = None, truth: TrueE
         "run": escape(run.name),
         "headline": headline(run),
         "agreement": " ".join(filter(None, (agreement_line(run), trajectory_line(run), dispute_line(run)))),
+        "plan": plan_section(run),
         "truth": truth_section(truth),
         "functionals": functional_table(run),
         "made": origin_table(run),
