@@ -126,11 +126,11 @@ GAP = 7
 MERGE_WALLS = 8
 
 WALL_MOVES = (
-    ("wall birth", 0.2),
-    ("wall death", 0.06),
-    ("shift wall", 0.16),
-    ("turn wall", 0.12),
-    ("extend wall", 0.16),
+    ("wall birth", 0.3),
+    ("wall death", 0.1),
+    ("shift wall", 0.12),
+    ("turn wall", 0.1),
+    ("extend wall", 0.1),
     ("move end to joint", 0.1),
     ("thickness of wall", 0.12),
     ("gap in wall", 0.04),

@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
 from prf.model.window import Window
@@ -25,10 +26,12 @@ MOST_DRAWS = 400
 """Draws that are counted, evenly spaced."""
 PLACES = 9
 """Places along a wall at which it is looked for; a draw has the wall if it has it at half of them."""
-NARROWEST, WIDEST = 0.55, 2.0
+NARROWEST, WIDEST = 0.55, 1.5
 """Metres of a door."""
 LEAST_JAMB = 0.2
 """Metres of wall that ends at a door."""
+TOUCHING = 0.05
+"""Metres between walls that touch."""
 LEAST_PROBABILITY = 0.5
 """Walls and doors that fewer draws have are left out."""
 DOOR_BESIDE, DOOR_WIDER = 0.3, 0.2
@@ -85,7 +88,7 @@ def plan_of(run: RunData) -> Plan:
     walls = [_wall(wall, draws) for wall in reference[seen]]
     found = doors_of(reference)
     if run.image is not None and len(found):
-        found = found[run.image.sees(found)]
+        found = found[run.image.seen_at(found.mean(axis=1))]
     every = [doors_of(draw) for draw in draws]
     doors = [_door(door, every) for door in found]
     return Plan(
@@ -144,8 +147,12 @@ def _beside(places: Floats, unit: Floats, normal: Floats, draw: Floats) -> tuple
 
 
 def doors_of(walls: Floats) -> Floats:
-    """Return the gaps (n, 2, 2) between the end of a wall and the next wall ahead of it, each once."""
+    """Return the gaps (n, 2, 2) between the end of a wall and the next wall ahead of it, each once.
+
+    Both are parts of a building: a wall that touches no other is furniture.
+    """
     found: list[Floats] = []
+    walls = walls[_touch(walls)]
     for i, wall in enumerate(walls):
         for end, far in ((wall[2:4], wall[:2]), (wall[:2], wall[2:4])):
             length = float(np.hypot(*(end - far)))
@@ -160,6 +167,16 @@ def doors_of(walls: Floats) -> Floats:
             if all(np.hypot(*(other.mean(axis=0) - middle)) > DOOR_BESIDE for other in found):
                 found.append(ends)
     return np.array(found).reshape(-1, 2, 2)
+
+
+def _touch(walls: Floats) -> NDArray[np.bool_]:
+    """Return which walls (n,) touch another one, or nearly."""
+    if len(walls) == 0:
+        return np.zeros(0, np.bool_)
+    lines = shapely.linestrings(walls[:, :4].reshape(-1, 2, 2))
+    apart = shapely.distance(lines[:, None], lines) - 0.5 * (walls[:, 4:] + walls[:, 4])
+    np.fill_diagonal(apart, np.inf)
+    return np.asarray((apart <= TOUCHING).any(axis=1))
 
 
 def _first_ahead(place: Floats, unit: Floats, walls: Floats) -> float:

@@ -23,7 +23,6 @@ from prf.model.window import Window
 
 Floats = NDArray[np.float64]
 SAME = 1e-9
-STEPS = {c.SHIFT_WALL: (0.002, 0.5), c.TURN_WALL: (0.002, 0.5), c.EXTEND_WALL: (0.002, 3.0)}
 
 
 class Plan(NamedTuple):
@@ -240,7 +239,7 @@ def log_ratios(move: int, x: Floats, y: Floats, plan: Plan) -> list[float]:
         return [log_end(new, old.length, stay) - log_end(old, new.length, stay)]
     if move == c.THICKNESS:
         back = [log_thickness(each.t, plan.common) for each in (old, new)]
-        return [log_step(old.t - new.t, 0.002, 0.2) - log_step(new.t - old.t, 0.002, 0.2), back[0] - back[1]]
+        return [log_step(old.t - new.t, 0.004, 0.2) - log_step(new.t - old.t, 0.004, 0.2), back[0] - back[1]]
     return [0.0] if is_step(move, old, new) else []
 
 

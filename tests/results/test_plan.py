@@ -83,9 +83,9 @@ def test_a_wall_in_pieces_is_the_same_wall_and_one_askew_is_not() -> None:
 def test_a_door_is_a_gap_of_the_width_of_doors_between_jambs() -> None:
     for gap, expected in ((0.3, 0), (0.9, 1), (2.5, 0)):
         walls = np.array([[1.0, 1.0, 3.0, 1.0, 0.1], [3.0 + gap, 1.0, 7.0, 1.0, 0.1]])
-        assert len(doors_of(walls)) == expected
-    short = np.array([[2.9, 1.0, 3.0, 1.0, 0.08], [3.9, 1.0, 4.0, 1.0, 0.08]])
-    assert len(doors_of(short)) == 0, "no jambs"
+        ends = np.array([[1.0, 0.5, 1.0, 2.0, 0.1], [7.0, 0.5, 7.0, 2.0, 0.1]])
+        assert len(doors_of(np.concatenate([walls, ends]))) == expected
+        assert len(doors_of(walls)) == 0, "furniture"
     assert len(plan_of_walls(PLAN).doors) == 2
     assert len(doors_of(np.zeros((0, 5)))) == 0
 

@@ -15,9 +15,9 @@ from prf.kernels.walls.law import THICKEST, THINNEST, log_thickness
 from prf.kernels.walls.shape import Wall, length_of, placed, turned_round
 from prf.kernels.walls.table import Walls, put, start, take, wall_in
 
-LEAST_STEP, MOST_STEP = 0.002, 0.5
+LEAST_STEP, MOST_STEP = 0.004, 0.5
 """Metres: a shift has a normal law whose scale is drawn, even in its logarithm, between these."""
-MOST_EXTENSION = 3.0
+MOST_EXTENSION = 5.0
 """The same of an extension."""
 MOST_THICKENING = 0.2
 OFF = 0.5

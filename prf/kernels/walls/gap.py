@@ -72,6 +72,12 @@ def beside(first: Wall, second: Wall) -> tuple[bool, float, float, float, float,
 
 
 @core
+def is_at_gap(first: Wall, second: Wall) -> bool:
+    """Whether a wall begins so near to the end of a first one as :func:`beside` asks for, and a little farther."""
+    return abs(second[0] - first[2]) < WIDEST + ASIDE and abs(second[1] - first[3]) < WIDEST + ASIDE
+
+
+@core
 def count_parts(graph: Graph, walls: Walls, first: Wall) -> int:
     """How many walls, those of the proposal left out, may be the second part behind a first one."""
     n = 0
@@ -79,9 +85,10 @@ def count_parts(graph: Graph, walls: Walls, first: Wall) -> int:
         if goes(walls, i):
             continue
         wall = wall_in(walls.row, i)
-        if beside(first, wall)[0]:
+        if is_at_gap(first, wall) and beside(first, wall)[0]:
             n += 1
-        if beside(first, turned_round(wall))[0]:
+        wall = turned_round(wall)
+        if is_at_gap(first, wall) and beside(first, wall)[0]:
             n += 1
     return n
 
@@ -140,6 +147,8 @@ def propose_merge(graph: Graph, proposal: Proposal, walls: Walls, rng: Rng) -> D
             continue
         for end in range(2):
             second = wall_in(walls.row, i) if end == 0 else turned_round(wall_in(walls.row, i))
+            if not is_at_gap(first, second):
+                continue
             fits, gap, aside, turn, thicker, length = beside(first, second)
             if not fits:
                 continue
