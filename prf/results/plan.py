@@ -11,6 +11,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import shapely
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
 
 from prf.model.window import Window
 from prf.results import names
@@ -30,8 +32,8 @@ NARROWEST, WIDEST = 0.55, 1.5
 """Metres of a door."""
 LEAST_JAMB = 0.2
 """Metres of wall that ends at a door."""
-TOUCHING = 0.05
-"""Metres between walls that touch."""
+TOUCHING, LEAST_BUILDING = 0.05, 4.0
+"""Metres between walls that touch, and of walls that are no furniture."""
 LEAST_PROBABILITY = 0.5
 """Walls and doors that fewer draws have are left out."""
 DOOR_BESIDE, DOOR_WIDER = 0.3, 0.2
@@ -112,7 +114,7 @@ def _wall(wall: Floats, draws: list[Floats]) -> PlanWall:
     normal = np.array([-unit[1], unit[0]])
     share = (np.arange(PLACES) + 0.5) / PLACES
     places = a + share[:, None] * (b - a)
-    rows = [_beside(places, unit, normal, draw) for draw in draws]
+    rows = [_beside(places, float(wall[4]), unit, normal, draw) for draw in draws]
     has = np.array([np.isfinite(offset).mean() >= 0.5 for offset, _ in rows])
     if not has.any():
         return PlanWall(wall[:4].reshape(2, 2), float(wall[4]), 0.0, 0.0, 0.0)
@@ -125,8 +127,12 @@ def _wall(wall: Floats, draws: list[Floats]) -> PlanWall:
     return PlanWall(ends, float(thickness.mean()), float(thickness.std()), spread, float(has.mean()))
 
 
-def _beside(places: Floats, unit: Floats, normal: Floats, draw: Floats) -> tuple[Floats, float]:
-    """Return how far across (n,) a wall of a draw lies at each place, nan where none is the same; and its thickness."""
+def _beside(places: Floats, thickness_here: float, unit: Floats, normal: Floats, draw: Floats) -> tuple[Floats, float]:
+    """Return how far across (n,) a wall of a draw lies at each place, nan where none is the same; and its thickness.
+
+    It is the same if its centre line, or the face on the same side, lies within :data:`BESIDE`: of a wall that is seen
+    from one side the centre line is as uncertain as the thickness.
+    """
     off, thickness = np.full(len(places), np.nan), np.full(len(places), np.nan)
     if len(draw) == 0:
         return off, np.nan
@@ -138,8 +144,10 @@ def _beside(places: Floats, unit: Floats, normal: Floats, draw: Floats) -> tuple
         return off, np.nan
     share = ((places[:, None] - a) @ unit) / along
     across = -((places[:, None] - a) @ normal) + share * tilt
-    fits = (share >= 0.0) & (share <= 1.0) & (np.abs(across) <= BESIDE)
-    nearest = np.where(fits, np.abs(across), np.inf).argmin(axis=1)
+    wider = 0.5 * (thick - thickness_here)
+    away = np.min(np.abs([across, across + wider, across - wider]), axis=0)
+    fits = (share >= 0.0) & (share <= 1.0) & (away <= BESIDE)
+    nearest = np.where(fits, away, np.inf).argmin(axis=1)
     has = fits.any(axis=1)
     rows = np.arange(len(places))
     off[has], thickness[has] = across[rows, nearest][has], thick[nearest][has]
@@ -149,10 +157,10 @@ def _beside(places: Floats, unit: Floats, normal: Floats, draw: Floats) -> tuple
 def doors_of(walls: Floats) -> Floats:
     """Return the gaps (n, 2, 2) between the end of a wall and the next wall ahead of it, each once.
 
-    Both are parts of a building: a wall that touches no other is furniture.
+    Both are parts of a building: what does not hang together over a few metres is furniture.
     """
     found: list[Floats] = []
-    walls = walls[_touch(walls)]
+    walls = walls[_are_building(walls)]
     for i, wall in enumerate(walls):
         for end, far in ((wall[2:4], wall[:2]), (wall[:2], wall[2:4])):
             length = float(np.hypot(*(end - far)))
@@ -169,14 +177,14 @@ def doors_of(walls: Floats) -> Floats:
     return np.array(found).reshape(-1, 2, 2)
 
 
-def _touch(walls: Floats) -> NDArray[np.bool_]:
-    """Return which walls (n,) touch another one, or nearly."""
+def _are_building(walls: Floats) -> NDArray[np.bool_]:
+    """Return which walls (n,) are parts of walls that touch and are long enough together."""
     if len(walls) == 0:
         return np.zeros(0, np.bool_)
     lines = shapely.linestrings(walls[:, :4].reshape(-1, 2, 2))
-    apart = shapely.distance(lines[:, None], lines) - 0.5 * (walls[:, 4:] + walls[:, 4])
-    np.fill_diagonal(apart, np.inf)
-    return np.asarray((apart <= TOUCHING).any(axis=1))
+    touch = shapely.distance(lines[:, None], lines) <= 0.5 * (walls[:, 4:] + walls[:, 4]) + TOUCHING
+    part = connected_components(csr_array(touch), directed=False)[1]
+    return np.asarray(np.bincount(part, shapely.length(lines))[part] >= LEAST_BUILDING)
 
 
 def _first_ahead(place: Floats, unit: Floats, walls: Floats) -> float:

@@ -78,12 +78,16 @@ def test_a_wall_in_pieces_is_the_same_wall_and_one_askew_is_not() -> None:
     aside = np.array([[1.0, 2.15, 7.0, 2.15, 0.1]])
     plan = plan_of(run_of([whole, whole, pieces, askew, aside]))
     assert plan.walls[0].probability == pytest.approx(0.6)
+    thicker = np.array([[1.0, 2.15, 7.0, 2.15, 0.4]])
+    seen_from_below = plan_of(run_of([whole, thicker])).walls[0]
+    assert seen_from_below.probability == 1.0
+    assert seen_from_below.ends[0, 1] - 0.5 * seen_from_below.thickness == pytest.approx(1.95)
 
 
 def test_a_door_is_a_gap_of_the_width_of_doors_between_jambs() -> None:
     for gap, expected in ((0.3, 0), (0.9, 1), (2.5, 0)):
-        walls = np.array([[1.0, 1.0, 3.0, 1.0, 0.1], [3.0 + gap, 1.0, 7.0, 1.0, 0.1]])
-        ends = np.array([[1.0, 0.5, 1.0, 2.0, 0.1], [7.0, 0.5, 7.0, 2.0, 0.1]])
+        walls = np.array([[1.0, 1.0, 3.0, 1.0, 0.1], [3.0 + gap, 1.0, 6.0, 1.0, 0.1]])
+        ends = np.array([[1.0, 0.5, 1.0, 4.0, 0.1], [6.0, 0.5, 6.0, 4.0, 0.1]])
         assert len(doors_of(np.concatenate([walls, ends]))) == expected
         assert len(doors_of(walls)) == 0, "furniture"
     assert len(plan_of_walls(PLAN).doors) == 2

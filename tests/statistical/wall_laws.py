@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,29 +38,29 @@ TURN = 20
 """Steps between two draws of directions and common values."""
 
 
-def drawn_walls(rng: np.random.Generator, prior: WallPrior) -> tuple[Floats, float, float, Floats]:
+def drawn_walls(rng: np.random.Generator, prior: WallPrior, window: Window) -> tuple[Floats, float, float, Floats]:
     """Walls of the Poisson process without interactions, strength, angle and common values of the thickness."""
     strength = MOST_ORIENTATION + 1.0
     while strength > MOST_ORIENTATION:
         strength = rng.exponential(MEAN_STRENGTH)
     angle, common = RIGHT_ANGLE * rng.random(), prior.thickness * np.exp(SPREAD * rng.standard_normal(c.N_COMMON))
-    n = rng.poisson(prior.density * WINDOW.area)
+    n = rng.poisson(prior.density * window.area)
     theta = (angle + rng.vonmises(0.0, strength, n) / 4.0) + 0.5 * math.pi * rng.integers(0, 2, n)
     length = np.exp(math.log(prior.length) + 1.2 * rng.standard_normal(n))
     even = 0.02 * 50.0 ** rng.random(n)
     thickness = np.where(rng.random(n) < 0.25, even, rng.choice(common, n) + 0.008 * rng.standard_normal(n))
-    middle = rng.uniform(WINDOW[:2], WINDOW[2:], (n, 2))
+    middle = rng.uniform(window[:2], window[2:], (n, 2))
     half = 0.5 * length[:, None] * np.column_stack([np.cos(theta), np.sin(theta)])
     return np.column_stack([middle - half, middle + half, thickness]), strength, angle, common
 
 
-def is_legal(walls: Floats, common: Floats) -> bool:
+def is_legal(walls: Floats, common: Floats, window: Window) -> bool:
     """Whether all walls are walls inside the window, and all common values in their bounds."""
     if not ((common > 0.02) & (common < 1.0)).all():
         return False
     for wall in bars(walls):
         x, y = np.array(wall.polygon().exterior.coords).T
-        inside = WINDOW.x_min < x.min() and x.max() < WINDOW.x_max and WINDOW.y_min < y.min() and y.max() < WINDOW.y_max
+        inside = window.x_min < x.min() and x.max() < window.x_max and window.y_min < y.min() and y.max() < window.y_max
         if not (inside and 0.02 < wall.t < 1.0 and wall.length > wall.t):
             return False
     return True
@@ -76,17 +77,33 @@ def statistics(walls: Floats, prior: WallPrior, angle: float, common: Floats) ->
     return [n, n * (n - 1), length.sum(), (length**2).sum(), walls[:, 4].sum(), aligned, free, costs, common.sum()]
 
 
+class Drawn(NamedTuple):
+    """A map of walls with what is sampled beside it."""
+
+    walls: Floats
+    strength: float
+    angle: float
+    common: Floats
+
+    def statistics(self, prior: WallPrior) -> list[float]:
+        """See :func:`statistics`."""
+        return statistics(self.walls, prior, self.angle, self.common)
+
+
+def one_draw(rng: np.random.Generator, prior: WallPrior, window: Window) -> Drawn:
+    """Draw from the prior: the Poisson process, all of whose walls must be legal, kept as its interactions cost."""
+    while True:
+        found = Drawn(*drawn_walls(rng, prior, window))
+        if is_legal(found.walls, found.common, window):
+            row = found.statistics(prior)
+            if rng.random() < math.exp(-prior.free_end * row[6] - row[7]):
+                return found
+
+
 def by_rejection(n: int, seed: int, prior: WallPrior = PRIOR) -> Floats:
     """Statistics (n, 9) of independent draws."""
     rng = np.random.default_rng(seed)
-    rows: list[list[float]] = []
-    while len(rows) < n:
-        walls, _, angle, common = drawn_walls(rng, prior)
-        if is_legal(walls, common):
-            row = statistics(walls, prior, angle, common)
-            if rng.random() < math.exp(-prior.free_end * row[6] - row[7]):
-                rows.append(row)
-    return np.array(rows)
+    return np.array([one_draw(rng, prior, WINDOW).statistics(prior) for _ in range(n)])
 
 
 def by_chain(n: int, seed: int) -> Floats:
