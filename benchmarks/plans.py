@@ -11,6 +11,7 @@ lines of the grid are those of scikit-image (probabilistic Hough transform), whe
 
 from __future__ import annotations
 
+import importlib
 import itertools
 import json
 import math
@@ -203,11 +204,11 @@ def plan_scores(plan: Plan, floor: Floor) -> dict[str, float]:
 def grid_lines(path: Path) -> Floats | None:
     """Return the lines (n, 4) that scikit-image finds in a grid; None where it is not installed."""
     try:
-        from skimage.transform import probabilistic_hough_line
+        transform = importlib.import_module("skimage.transform")
     except ImportError:
         return None
     image = read_grid(path).image()
-    lines = probabilistic_hough_line(image.occupancy > 0.5, threshold=10, line_length=8, line_gap=3, rng=0)
+    lines = transform.probabilistic_hough_line(image.occupancy > 0.5, threshold=10, line_length=8, line_gap=3, rng=0)
     cells = np.array(lines, np.float64).reshape(-1, 4)
     return np.asarray(np.tile(image.origin, 2) + (cells + 0.5) * image.resolution)
 

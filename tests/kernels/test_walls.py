@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
@@ -10,8 +11,12 @@ import shapely
 
 from prf.kernels import constants as c
 from prf.kernels._jit import core_entry
+from prf.kernels.poses.field import draw_field
+from prf.kernels.poses.state import WARP, Poses
+from prf.kernels.poses.turn import run_poses
+from prf.kernels.poses.warp import warp_vertices
 from prf.kernels.readings.cones import CONE_LOG_LIKELIHOOD
-from prf.kernels.state.build import recompute_sums
+from prf.kernels.state.build import recompute_sums, trace_all
 from prf.kernels.state.chain import Chain
 from prf.kernels.state.proposal import find_cells
 from prf.kernels.walls.shape import is_covered
@@ -21,9 +26,13 @@ from prf.model.coloring import Coloring, black_at, check
 from prf.model.layout import grow, make_image, make_targets, pixel_centres, read_coloring
 from prf.model.orientation import Orientation
 from prf.model.sensors import LaserModel, PointModel, SonarModel
-from prf.model.walls import WallPrior, map_of_walls, scratch_walls, united, walls_of
+from prf.model.walls import WallPrior, corners_of, map_of_walls, scratch_walls, united, walls_of
 from prf.model.window import Window
+from prf.sampler.lines import allowed
+from prf.sampler.poses import PoseTurns
+from prf.sampler.schedules import Plain
 from prf.sampler.target import Execution, Target, laser_data, make_chain, point_data, run_chain, sonar_data, with_map
+from tests.reference.pose_worlds import BARE, LASER, begin, draw_pose_world, scratch
 from tests.reference.recompute import recompute_cones, recompute_impacts
 from tests.reference.slow_walls import Bar, Plan, bars, log_density, log_ratios
 
@@ -202,3 +211,71 @@ def test_a_place_is_covered_where_a_wall_is_whatever_the_map_was_before() -> Non
     covered(chain, xy, found)
     expected = np.any([shapely.contains_xy(wall.polygon(), *xy.T) for wall in bars(walls)], axis=0)
     np.testing.assert_array_equal(found, expected)
+
+
+def test_walls_stay_rectangles_where_they_are_warped_with_poses_and_sums_stay_those_of_the_map() -> None:
+    rng = np.random.default_rng(12)
+    world = draw_pose_world(LASER, rng)
+    window = world.target.window
+    target = dataclasses.replace(world.target, walls=PRIOR)
+    a = rng.uniform((window.x_min + 1.5, window.y_min + 1.5), (window.x_max - 1.5, window.y_max - 1.5), (12, 2))
+    angle = rng.uniform(0.0, np.pi, 12)
+    rows = np.column_stack([a, a + np.column_stack([np.cos(angle), np.sin(angle)]), np.full(12, 0.1)])
+    begun = world._replace(target=target, coloring=map_of_walls(allowed(rows, target), window))
+    chain, turns = begin(begun)
+    turns.state.spread[:] = [0.03, 0.0, 0.03, 0.0, 0.0, 0.03]
+    n_warped = 0
+    for until in (60, 120, 180):
+        chain = run_chain(chain, rng, until - 40)
+        before = walls_of(read_coloring(chain.graph))
+        run_poses(chain, *scratch(chain), turns.state, 0.5, until, rng)
+        after = walls_of(read_coloring(chain.graph))
+        np.testing.assert_allclose(corners_of(after).reshape(-1, 2), map_of_walls(after, window).xy)
+        np.testing.assert_allclose(after[:, 4], before[:, 4], atol=1e-12)
+        n_warped += int(np.abs(after - before).max(initial=0.0) > 0.0)
+        sums = chain.graph.sums.copy()
+        chain = turns.laid_out(chain)
+        trace_all(chain)
+        recompute_sums(chain)
+        np.testing.assert_allclose(sums[1:], chain.graph.sums[1:], rtol=1e-9, atol=1e-9)
+        xy = turns.sites()
+        assert not covering(bars(after), xy).any()
+    assert n_warped > 0
+    assert turns.state.outcomes[WARP, c.ACCEPTED] > 0
+
+
+def test_the_jacobian_of_a_warp_of_walls_is_that_of_differences() -> None:
+    """Over middle, direction and length: by the determinant of what the field does to them."""
+    rng = np.random.default_rng(5)
+    world = draw_pose_world(BARE, rng)
+    window = world.target.window
+    middle = np.array(window.centre)
+    wall = np.array([[*(middle - np.array([0.4, 0.1])), *(middle + np.array([0.3, 0.2])), 0.1]])
+    target = dataclasses.replace(world.target, walls=PRIOR)
+
+    def end(numbers: np.ndarray, state: Poses) -> tuple[np.ndarray, float]:
+        x, y, theta, length = numbers
+        half = 0.5 * length * np.array([np.cos(theta), np.sin(theta)])
+        rows = np.array([[x - half[0], y - half[1], x + half[0], y + half[1], 0.1]])
+        chain = make_chain(target, map_of_walls(rows, window))
+        trial = scratch(chain)[0]
+        moved, log_scaled = warp_vertices(chain.graph, trial, state)
+        assert moved
+        a, b = (0.5 * (trial.vertex_xy[i] + trial.vertex_xy[k]) for i, k in ((0, 3), (1, 2)))
+        return np.array([*(0.5 * (a + b)), np.arctan2(*(b - a)[::-1]), np.hypot(*(b - a))]), log_scaled
+
+    turns = PoseTurns(target, make_chain(target, map_of_walls(wall, window)), Plain())
+    checked = 0
+    while checked < 5:
+        if not draw_field(np.array(window), turns.state, rng):
+            continue
+        step = wall[0, 2:4] - wall[0, :2]
+        here = np.array([*(0.5 * (wall[0, :2] + wall[0, 2:4])), np.arctan2(step[1], step[0]), np.hypot(*step)])
+        _, log_scaled = end(here, turns.state)
+        tiny = 1e-6
+        columns = [
+            (end(here + tiny * unit, turns.state)[0] - end(here - tiny * unit, turns.state)[0]) / (2.0 * tiny)
+            for unit in np.eye(4)
+        ]
+        assert log_scaled == pytest.approx(np.log(abs(np.linalg.det(np.array(columns)))), abs=1e-5)
+        checked += abs(log_scaled) > 1e-4
