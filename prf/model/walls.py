@@ -24,11 +24,14 @@ from prf.model.coloring import Coloring, from_polygons
 from prf.model.layout import make_graph
 from prf.model.orientation import MEAN_STRENGTH, Orientation
 from prf.model.window import INTERIOR, Window
+from prf.shell.errors import InputError
 
 Floats = NDArray[np.float64]
 
 SPREAD = 0.5
 """Standard deviation of the logarithm of a common value of the thickness."""
+THINNED = (0.0, 1e-7, 1e-6, 1e-5)
+"""Shares of the thickness."""
 N_WALL = 5
 """Numbers of a wall: x and y of both ends of its centre line, and its thickness, metres."""
 
@@ -151,11 +154,20 @@ def walls_of(rectangles: Coloring) -> Floats:
 
 
 def united(rectangles: Coloring) -> Coloring:
-    """Return the map that is black where a wall is."""
-    corner = corners_of(walls_of(rectangles))
-    if len(corner) == 0:
+    """Return the map that is black where a wall is.
+
+    Where walls touch in a point, of which there is no map, all are thinned by less than rounding shows in a file.
+    """
+    walls = walls_of(rectangles)
+    if len(walls) == 0:
         return Coloring.empty(rectangles.window)
-    return from_polygons(shapely.MultiPolygon(list(shapely.polygons(corner))), rectangles.window)
+    for thinned in THINNED:
+        shapes = shapely.polygons(corners_of(walls * [1.0, 1.0, 1.0, 1.0, 1.0 - thinned]))
+        try:
+            return from_polygons(shapely.MultiPolygon(list(shapes)), rectangles.window)
+        except InputError as error:
+            fault = error
+    raise fault
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

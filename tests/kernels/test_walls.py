@@ -193,6 +193,8 @@ def test_a_map_of_walls_is_read_as_it_was_written_and_covers_what_its_walls_do()
     inside = np.any([shapely.contains_xy(wall.polygon(), *xy.T) for wall in bars(walls)], axis=0)
     np.testing.assert_array_equal(black_at(region, xy), inside)
     assert united(Coloring.empty(WINDOW)).n_edges == 0
+    in_a_point = np.array([[0.5, 0.0, 1.5, 0.0, 0.25], [1.5, 0.25, 2.5, 0.25, 0.25]])
+    check(united(map_of_walls(in_a_point, WINDOW)))
 
 
 @core_entry
