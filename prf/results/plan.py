@@ -24,7 +24,7 @@ Floats = NDArray[np.float64]
 
 BESIDE, TILT = 0.1, np.deg2rad(5.0)
 """Metres and radians from a wall up to which one of another draw is the same."""
-MOST_DRAWS = 400
+MOST_DRAWS = 100
 """Draws that are counted, evenly spaced."""
 PLACES = 9
 """Places along a wall at which it is looked for; a draw has the wall if it has it at half of them."""
@@ -182,8 +182,11 @@ def _are_building(walls: Floats) -> NDArray[np.bool_]:
     if len(walls) == 0:
         return np.zeros(0, np.bool_)
     lines = shapely.linestrings(walls[:, :4].reshape(-1, 2, 2))
-    touch = shapely.distance(lines[:, None], lines) <= 0.5 * (walls[:, 4:] + walls[:, 4]) + TOUCHING
-    part = connected_components(csr_array(touch), directed=False)[1]
+    one, other = shapely.STRtree(lines).query(lines, predicate="dwithin", distance=float(walls[:, 4].max()) + TOUCHING)
+    apart = shapely.distance(lines[one], lines[other]) - 0.5 * (walls[one, 4] + walls[other, 4])
+    touch = apart <= TOUCHING
+    links = csr_array((touch[touch], (one[touch], other[touch])), (len(walls), len(walls)))
+    part = connected_components(links, directed=False)[1]
     return np.asarray(np.bincount(part, shapely.length(lines))[part] >= LEAST_BUILDING)
 
 

@@ -59,7 +59,7 @@ def shaken(rng: np.random.Generator, n: int) -> list[np.ndarray]:
 
 
 def test_walls_have_the_mean_of_the_draws_and_the_share_that_has_them() -> None:
-    plan = plan_of(run_of(shaken(np.random.default_rng(1), 200)))
+    plan = plan_of(run_of(shaken(np.random.default_rng(1), 100)))
     assert [wall.probability for wall in plan.walls] == [1.0, 1.0, 1.0, 1.0, 0.75]
     for wall, true in zip(plan.walls, PLAN, strict=True):
         np.testing.assert_allclose(wall.ends.ravel(), true[:4], atol=0.02)
