@@ -49,7 +49,7 @@ RISING = {
     TOLERANCE: -1,
     **dict.fromkeys((SURELY, OFFSET_RATIO, *IN_TOLERANCES), 1),
     **dict.fromkeys(("fit", "thickness"), -1),
-    **dict.fromkeys((OVER, ACROSS, "sum_of_conflicts"), 1),
+    **dict.fromkeys((OVER, ACROSS), 1),
     "over_facing_away": -1,
     **copies.COLUMNS,
 }
@@ -132,11 +132,7 @@ def columns_of(features: PatchFeatures, tolerance: float = LABEL_TOLERANCE) -> C
             missing = 0.0 if each == name else np.nan
             values.append(np.where(known, column[pair] if len(column) else np.nan, missing))
             other.append(np.where(known, partner, NOBODY))
-    total = np.bincount(features.pairs.ravel(), np.repeat(over + across, 2), n_patches)
-    names.append("sum_of_conflicts")
-    return Columns(
-        tuple(names), np.column_stack([*values, total]), np.column_stack([*other, np.full(n_patches, NOBODY)])
-    )
+    return Columns(tuple(names), np.column_stack(values), np.column_stack(other))
 
 
 def in_tolerances(features: PatchFeatures, tolerance: float) -> dict[str, Floats]:

@@ -13,8 +13,8 @@ from scipy.ndimage import maximum_filter1d
 from scipy.spatial import cKDTree
 
 from mapq.configuration import FeatureSettings
-from mapq.features.shape import PatchShapes, horizontal_directions
-from mapq.kernels.copies import LayersOver, layers_over, self_shifts
+from mapq.features.shape import PatchShapes, group_means, horizontal_directions
+from mapq.kernels.copies import LayersOver, Tiles, find_tiles, layers_over, self_shifts
 from mapq.kernels.voxels import Nearby, fill_table, voxel_keys
 from mapq.patches import Patches
 
@@ -54,7 +54,6 @@ def nearby_points(patches: Patches, number: Ints, moment: Ints, to_sensor: Float
 
 COLUMNS = {
     "shift_support": 1,
-    "shift_others": 1,
     "shift_clear": 1,
     "shift_own": 1,
     "shift_along": 1,
@@ -64,8 +63,14 @@ COLUMNS = {
 
 NEAREST = 2.0
 """Tolerances off a patch from which layers are second ones: less is noise, or a rough surface in several patches."""
+TILE, ARC = 3.0, 0.5
+"""Metres that a tile of a patch is long, and radians by which it turns, at most."""
 ABOUT = 8.0
-"""Metres between the middles of patches that witness the same motion."""
+"""Metres between the middles of tiles that witness the same motion."""
+TURNS = np.radians([0.0, -2.5, 2.5, -5.0, 5.0])
+"""Of motions, radians."""
+OPPOSITE = np.array([0, 2, 1, 4, 3])
+"""Places of the opposite turns."""
 LATTICE = 0.1
 """Metres between the motions that are tried."""
 OWN = 0.1
@@ -79,82 +84,134 @@ def copy_columns(nearby: Nearby, shapes: PatchShapes, settings: FeatureSettings)
 
     `nearby`: all finite points of the cloud.
 
-    Of the motion that moves the patches about onto layers like copies best, a horizontal one of upright planes or a
-    vertical one of other planes: the likeness of what it moves (support), that without this very patch (others), what
-    it has more than the median motion (clear), the likeness of this patch's own layer there (own), how far it moves
-    along the normal of the patch (along) and its length, metres.
+    Patches are looked at in tiles of at most `TILE`, so that of a wall that is a copy in part, or turned, each piece is
+    like its copy. Of the motion that moves the tiles about onto layers like copies best, a horizontal one that may turn
+    of upright planes or a vertical one of other planes: the likeness of what it moves (support), what that is above
+    the likeness by the median motion (clear), the likeness of the tile's own layer there (own), how far the motion
+    moves along the normal of the tile (along) and its length, metres. A patch has the mean over its points.
     """
     step = 0.5 * shapes.tolerance(settings)
     half = int(np.ceil(FARTHEST / step))
     if not len(shapes.points) or half <= 2 * NEAREST + 2:
         return {name: np.full(len(shapes), np.nan) for name in COLUMNS}
-    found = layers_over(nearby, shapes.sheets, shapes.planes, shapes.points, shapes.start, step, 2 * half)
-    likeness = found.cover * thinness(found) * (0.5 + 0.5 * outline_match(found, shapes.counts))
-    return _shifts(likeness, shapes, step, *_about(shapes))
+    tiles = tiles_of(shapes, step)
+    given = shapes.sheets, shapes.planes, shapes.points, shapes.start, tiles
+    found = layers_over(nearby, *given, step, 2 * half, np.tan(TURNS))
+    likeness = found.cover * thinness(found) * (0.5 + 0.5 * outline_match(found, tiles))
+    patch = np.repeat(np.arange(len(shapes)), np.diff(tiles.first))
+    size = np.sqrt(found.n_cells) * shapes.sheets.cell[patch]
+    columns = _shifts(likeness, tiles, shapes.normals_at(patch, tiles.centre), shapes.up, size, step)
+    return dict(zip(COLUMNS, _means(patch, tiles.counts, columns, len(shapes)).T, strict=True))
+
+
+def tiles_of(shapes: PatchShapes, step: float) -> Tiles:
+    """Return pieces of patches, no side longer than `TILE`, nor so long that a curved one turns by more than `ARC`.
+
+    `step`: half the thickness of layers, metres.
+    """
+    sheets = shapes.sheets
+    sides = sheets.size * sheets.cell[:, None]
+    most = np.full_like(sides, TILE)
+    most[:, 0] = np.minimum(TILE, ARC / np.maximum(shapes.bend, ARC / TILE))
+    size = np.maximum(np.ceil(sides / most - 1e-9), 1.0).astype(np.int64)
+    # No edge of a tile in the middle of a cell that is in the middle, so that a patch has the same ones from behind.
+    size = np.minimum(size + ((size + 1) % 2) * (sheets.size % 2), np.maximum(sheets.size, 1))
+    first = np.zeros(len(shapes) + 1, np.int64)
+    np.cumsum(size.prod(axis=1), out=first[1:])
+    n_tiles, tile = int(first[-1]), np.zeros(len(shapes.points), np.int64)
+    empty = Tiles(
+        first, size, np.zeros((n_tiles, 3)), np.zeros(n_tiles), np.zeros(n_tiles, np.int64), np.zeros(0, np.int64)
+    )
+    find_tiles(sheets, empty, tile)
+    counts = np.bincount(tile, minlength=n_tiles)
+    centre = group_means(shapes.points[sheets.number], tile, n_tiles)
+    middle = np.bincount(tile, sheets.u, n_tiles) / np.maximum(counts, 1)
+    # A turn moves the ends of wide ones by more than layers are thick.
+    sloped = sides[:, 0] / size[:, 0] * np.tan(TURNS.max()) > 2.0 * step
+    sloped &= (shapes.bend == 0.0) & (shapes.up_cosine < UPRIGHT)
+    row = np.zeros(len(counts) + 1, np.int64)
+    n_rows = np.repeat(np.where(sloped, len(TURNS), 1), np.diff(first))
+    np.cumsum(np.where(counts > 0, n_rows, 0), out=row[1:])
+    return Tiles(first, size, centre, middle, counts, row)
+
+
+def _means(group: Ints, weight: Ints, values: Floats, n_groups: int) -> Floats:
+    """Return the weighted means of the known values (t, k) of each group; nan where none is known."""
+    found = np.full((n_groups, values.shape[1]), np.nan)
+    for column, each in enumerate(values.T):
+        known = np.isfinite(each)
+        total = np.bincount(group[known], weight[known], n_groups)
+        sums = np.bincount(group[known], weight[known] * each[known], n_groups)
+        found[total > 0.0, column] = sums[total > 0.0] / total[total > 0.0]
+    return found
 
 
 def thinness(found: LayersOver) -> Floats:
-    """Return by how much layers (m, k) are denser than what lies before and behind them: 1 alone, 0 no more."""
+    """Return by how much layers (r, k) are denser than those before and behind them: 1 alone, 0 no more."""
     wide = np.pad(found.n_points, ((0, 0), (2, 2)))
     around = wide[:, :-4] + found.n_points + wide[:, 4:]
     return np.clip(1.5 * found.n_points / np.maximum(around, 1.0) - 0.5, 0.0, 1.0)
 
 
-def outline_match(found: LayersOver, n_own: Ints) -> Floats:
-    """Return how well layers (m, k) end where a patch ends: 1 as well, 0 they go on over its rim and its holes.
+def outline_match(found: LayersOver, tiles: Tiles) -> Floats:
+    """Return how well layers (r, k) end where their tile ends: 1 as well, 0 they go on over its rim.
 
-    Where the surface of the patch (of `n_own` points) goes on in other patches, so may its copy. A point more is put on
-    the rim, so that few points show little.
+    Holes have rims too. Where the surface goes on in other patches, so may its copy. A point more is put on the rim, so
+    that few points show little.
     """
-    cells, rim = np.maximum(found.n_cells, 1.0)[:, None], np.maximum(found.n_rim, 1.0)[:, None]
-    own = found.rim[:, [found.rim.shape[1] // 2]] / rim / (np.maximum(n_own, 1)[:, None] / cells)
+    tile = np.repeat(np.arange(len(tiles.counts)), np.diff(tiles.row))
+    cells, rim = np.maximum(found.n_cells, 1.0)[tile, None], np.maximum(found.n_rim, 1.0)[tile, None]
+    middle = found.rim[tiles.row[tile], found.rim.shape[1] // 2]
+    own = middle[:, None] / rim / (tiles.counts[tile, None] / cells)
     going_on = (found.rim + 1.0) / rim / np.maximum(found.n_points / cells, 1e-9)
-    return np.clip(1.0 - (going_on - own), 0.0, 1.0)
+    return np.asarray(np.clip(1.0 - (going_on - own), 0.0, 1.0))
 
 
-def _about(shapes: PatchShapes) -> tuple[Ints, Ints]:
-    """Return where the patches about each begin (m + 1,), and their numbers (p,), large ones first; itself too."""
-    pairs = cKDTree(shapes.centre).query_pairs(ABOUT, output_type="ndarray").astype(np.int64)
-    itself = np.arange(len(shapes))
+def _about(place: Floats) -> tuple[Ints, Ints]:
+    """Return where the tiles about each (t, 3) begin (t + 1,), and their numbers (p,), by place; itself too."""
+    pairs = cKDTree(place).query_pairs(ABOUT, output_type="ndarray").astype(np.int64)
+    itself = np.arange(len(place))
     one = np.concatenate([pairs[:, 0], pairs[:, 1], itself])
     other = np.concatenate([pairs[:, 1], pairs[:, 0], itself])
-    order = np.lexsort((shapes.size_rank[other], one))
-    begin = np.zeros(len(shapes) + 1, np.int64)
-    np.cumsum(np.bincount(one, minlength=len(shapes)), out=begin[1:])
+    order = np.lexsort((*place[other].T, one))
+    begin = np.zeros(len(place) + 1, np.int64)
+    np.cumsum(np.bincount(one, minlength=len(place)), out=begin[1:])
     return begin, other[order]
 
 
-def _shifts(likeness: Floats, shapes: PatchShapes, step: float, begin: Ints, other: Ints) -> dict[str, Floats]:
-    """Return the columns of the motion that explains most of what lies over the patches about each."""
-    middle = likeness.shape[1] // 2
-    plane, upright = shapes.bend == 0.0, shapes.up_cosine < UPRIGHT
-    profile = np.maximum(likeness[:, middle:], likeness[:, middle::-1])
-    profile[:, : int(2 * NEAREST)] = 0.0
+def _shifts(likeness: Floats, tiles: Tiles, normal: Floats, up: Floats, size: Floats, step: float) -> Floats:
+    """Return the columns (t, 5) of the motion that explains most of what lies over the tiles about each; nan: none.
+
+    `normal` (t, 3), and `size` (t,): the root of its area in metres.
+    """
+    middle, close = likeness.shape[1] // 2, int(2 * NEAREST)
+    tile = np.repeat(np.arange(len(size)), np.diff(tiles.row))
+    # A copy that is turned leans over its original to one side, and the original over it to the other.
+    other = tiles.row[tile] + OPPOSITE[np.arange(len(tile)) - tiles.row[tile]]
+    profile = np.maximum(likeness[other], likeness[:, ::-1])
+    profile[:, middle - close + 1 : middle + close] = 0.0
     near = max(1, int(np.ceil(0.5 * LATTICE / step)))
     wide = maximum_filter1d(profile, 2 * near + 1, axis=1, mode="constant")
-    east = horizontal_directions(shapes.up[None], np.eye(3)[[np.argmin(np.abs(shapes.up))]], shapes.up)[0]
-    flat = np.column_stack([shapes.normal @ east, shapes.normal @ np.cross(shapes.up, east)])
+    east = horizontal_directions(up[None], np.eye(3)[[np.argmin(np.abs(up))]], up)[0]
+    ground = np.column_stack([east, np.cross(up, east)])
+    flat = normal @ ground
     flat /= np.maximum(np.linalg.norm(flat, axis=1), 1e-12)[:, None]
-    least, size = NEAREST * 2 * step, np.sqrt(shapes.area)
+    least = NEAREST * 2 * step
     rises = np.arange(least, FARTHEST, step)
-    about = (begin, other, least)
-    sideways = self_shifts(wide, step, _motions(least), flat, np.where(plane & upright, size, 0.0), *about)
-    # Along the vertical all level patches face alike.
-    upwards = np.column_stack([np.ones(len(shapes)), np.zeros(len(shapes))])
-    vertical = np.column_stack([rises, np.zeros(len(rises))])
-    upwards = self_shifts(wide, step, vertical, upwards, np.where(plane & ~upright, size, 0.0), *about)
-    found = np.where(upright[:, None], sideways, upwards)
-    found[~plane] = np.nan
-    support, length, along, others, clear, own = found.T
-    along = _refined(along, profile, own, step, near)
-    return {
-        "shift_support": support,
-        "shift_others": others,
-        "shift_clear": clear,
-        "shift_own": own,
-        "shift_along": np.where(support > 0.0, along, np.nan),
-        "shift_length": np.where(support > 0.0, length, np.nan),
-    }
+    # Along the vertical all level tiles face alike.
+    upwards = (np.column_stack([rises, np.zeros(len(rises))]), TURNS[:1], np.tile([1.0, 0.0], (len(size), 1)))
+    found = np.full((len(size), len(COLUMNS)), np.nan)
+    upright = np.abs(normal @ up) < UPRIGHT
+    for some, (motion, turn, face) in ((upright, (_motions(least), TURNS, flat)), (~upright, upwards)):
+        mine = np.flatnonzero(some & (tiles.counts > 0))
+        rows = np.append(0, np.cumsum(np.diff(tiles.row)[mine]))
+        layers = wide[np.isin(tile, mine)]
+        given = face[mine], (tiles.centre @ ground)[mine], size[mine], *_about(tiles.centre[mine])
+        found[mine] = self_shifts(layers, rows, step, motion, turn, *given, least)
+    some = tiles.counts > 0
+    found[some, 3] = _refined(found[some, 3], profile[tiles.row[:-1][some], middle:], found[some, 2], step, near)
+    found[~(found[:, 0] > 0.0), 3:] = np.nan
+    return found
 
 
 def _refined(along: Floats, profile: Floats, own: Floats, step: float, near: int) -> Floats:

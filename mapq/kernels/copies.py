@@ -4,181 +4,356 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mapq.kernels._jit import Floats, Ints, jit, part
+from mapq.kernels._jit import Bytes, Floats, Ints, jit, part
 from mapq.kernels.planes import Planes, chart
 from mapq.kernels.sheets import Sheets
-from mapq.kernels.voxels import EMPTY, Nearby, cell_over, voxels_about
+from mapq.kernels.voxels import EMPTY, Nearby, voxels_about
 
 DOUBT = 0.3
 """Share of the weight about a patch that counts as moved and not covered, whatever a motion moves."""
+DIRECTIONS = 60
+"""In which surfaces face, in a half turn: within one, the longest motion differs by less than layers are thick."""
 CLEARLY = 1e-6
 """Support by which a longer motion must be better than a shorter one: less is rounding."""
 RIM = 3
 """Cells round the occupied ones of a patch, and in its holes, in which the copy of it has no points."""
 
 
-@part
-def is_rim(sheets: Sheets, i: int, column: int, row: int) -> bool:
-    """Whether a place of the raster of patch i, which is not occupied, has an occupied cell near."""
-    for r in range(max(row - RIM, 0), min(row + RIM + 1, sheets.size[i, 1])):
-        for c in range(max(column - RIM, 0), min(column + RIM + 1, sheets.size[i, 0])):
-            at = sheets.base[i] + r * sheets.size[i, 0] + c
-            if sheets.first[at + 1] > sheets.first[at]:
-                return True
-    return False
+FREE, ON_RIM, OCCUPIED = 0, 1, 2
+"""What a place of the raster of a patch is, `RIM` cells wider on each side than the patch."""
+
+
+class Tiles(NamedTuple):
+    """Pieces of patches, patch after patch, row after row."""
+
+    first: Ints  # (m + 1,) number of each patch's first tile
+    size: Ints  # (m, 2) columns and rows of tiles
+    centre: Floats  # (t, 3) mean of the points, metres
+    middle: Floats  # (t,) of the points, across their patch, metres
+    counts: Ints  # (t,) of points
+    row: Ints  # (t + 1,) of its first layers: those of each slope, or of the first alone; of a tile without points none
+
+
+class PointsOver(NamedTuple):
+    """Points over a patch, room for all (n,)."""
+
+    cell: Ints  # of the patch's raster; `EMPTY` over the rim
+    tile: Ints
+    height: Floats  # metres off the patch
+    aside: Floats  # metres across from the middle of the tile
 
 
 @part
-def measure_raster(sheets: Sheets, i: int) -> tuple[int, int]:
-    """Occupied cells of patch i, and those of its rim."""
-    n_cells, n_rim = 0, 0
-    for cell in range(sheets.base[i], sheets.base[i + 1]):
-        n_cells += sheets.first[cell + 1] > sheets.first[cell]
-    for row in range(-RIM, sheets.size[i, 1] + RIM):
-        for column in range(-RIM, sheets.size[i, 0] + RIM):
-            n_rim += is_rim(sheets, i, column, row)
-    return n_cells, n_rim - n_cells
+def share_of(cell: int, n_cells: int, n_tiles: int) -> int:
+    """Tile of a row of them that a cell of a row is in: the same from either end."""
+    nearer = min(cell, n_cells - 1 - cell)
+    tile = (2 * nearer + 1) * n_tiles // (2 * n_cells)
+    return tile if cell == nearer else n_tiles - 1 - tile
 
 
 @part
-def sort_over(
+def tile_of(sheets: Sheets, tiles: Tiles, i: int, column: int, row: int) -> int:
+    """Tile of patch i that a cell of its raster is in; of a place beyond its rim, the nearest."""
+    columns, rows = sheets.size[i, 0], sheets.size[i, 1]
+    across = share_of(min(max(column, 0), columns - 1), columns, tiles.size[i, 0])
+    return tiles.first[i] + share_of(min(max(row, 0), rows - 1), rows, tiles.size[i, 1]) * tiles.size[i, 0] + across
+
+
+@jit
+def find_tiles(sheets: Sheets, tiles: Tiles, tile: Ints) -> None:
+    """Write the tile of each point (k,) of the patches."""
+    for i in range(len(sheets.size)):
+        for cell in range(sheets.base[i], sheets.base[i + 1]):
+            at = cell - sheets.base[i]
+            mine = tile_of(sheets, tiles, i, at % sheets.size[i, 0], at // sheets.size[i, 0])
+            tile[sheets.first[cell] : sheets.first[cell + 1]] = mine
+
+
+@part
+def draw_raster(sheets: Sheets, i: int, raster: Bytes) -> None:
+    """Write what each place of the raster of patch i is, row after row."""
+    columns, rows = sheets.size[i, 0], sheets.size[i, 1]
+    width = columns + 2 * RIM
+    raster[: width * (rows + 2 * RIM)] = FREE
+    for row in range(rows):
+        marked = -1
+        for column in range(columns):
+            at = sheets.base[i] + row * columns + column
+            if sheets.first[at + 1] == sheets.first[at]:
+                continue
+            # All about it that the occupied cell before it in its row has not marked.
+            for c in range(max(column, marked + 1), column + 2 * RIM + 1):
+                for r in range(row, row + 2 * RIM + 1):
+                    raster[r * width + c] = max(raster[r * width + c], ON_RIM)
+            marked = column + 2 * RIM
+            raster[(row + RIM) * width + column + RIM] = OCCUPIED
+
+
+@part
+def measure_raster(sheets: Sheets, tiles: Tiles, i: int, raster: Bytes, n_cells: Floats, n_rim: Floats) -> None:
+    """Count the occupied cells of the tiles of patch i, and those of their rims."""
+    width = sheets.size[i, 0] + 2 * RIM
+    for at in range(width * (sheets.size[i, 1] + 2 * RIM)):
+        if raster[at] != FREE:
+            tile = tile_of(sheets, tiles, i, at % width - RIM, at // width - RIM)
+            n_cells[tile] += raster[at] == OCCUPIED
+            n_rim[tile] += raster[at] == ON_RIM
+
+
+@part
+def gather_over(
     near: Nearby,
     sheets: Sheets,
     planes: Planes,
+    tiles: Tiles,
     i: int,
-    step: float,
+    farthest: float,
     places: Ints,
-    first: Ints,
-    found: Ints,
-    out: Ints,
-    rim: Floats,
-) -> None:
-    """Write the cells of the points over patch i, slice after slice; where each slice begins to `first` (slices + 1,).
-
-    Slices are `step` thick, half of them on either side of the plane. `found` has room for two numbers a point. `rim`
-    (slices,): points over the rim.
-    """
-    n, n_slices = 0, len(first) - 1
-    first[:], rim[:] = 0, 0.0
+    raster: Bytes,
+    out: PointsOver,
+) -> int:
+    """Write the points over patch i and its rim that are at most so far off it; how many."""
+    n, columns, rows = 0, sheets.size[i, 0], sheets.size[i, 1]
     for place in places:
         for k in range(near.first[place], near.first[place + 1]):
             if near.patch[k] == i:
                 continue
             u, v, height = chart(planes, i, near.points[k])
-            slice_ = int(np.floor(height / step)) + n_slices // 2
-            if slice_ < 0 or slice_ >= n_slices:
+            if abs(height) >= farthest:
                 continue
-            cell = cell_over(sheets, i, u, v)
-            if cell != EMPTY:
-                found[2 * n], found[2 * n + 1] = slice_, cell
-                first[slice_ + 1] += 1
+            column = int(np.floor((u - sheets.low[i, 0]) / sheets.cell[i]))
+            row = int(np.floor((v - sheets.low[i, 1]) / sheets.cell[i]))
+            if not (-RIM <= column < columns + RIM and -RIM <= row < rows + RIM):
+                continue
+            what = raster[(row + RIM) * (columns + 2 * RIM) + column + RIM]
+            if what != FREE:
+                tile = tile_of(sheets, tiles, i, column, row)
+                out.cell[n] = row * columns + column if what == OCCUPIED else EMPTY
+                out.tile[n], out.height[n], out.aside[n] = tile, height, u - tiles.middle[tile]
                 n += 1
-            else:
-                column = int(np.floor((u - sheets.low[i, 0]) / sheets.cell[i]))
-                rim[slice_] += is_rim(sheets, i, column, int(np.floor((v - sheets.low[i, 1]) / sheets.cell[i])))
-    for slice_ in range(n_slices):
-        first[slice_ + 1] += first[slice_]
-    at = first[:-1].copy()
+    return n
+
+
+@part
+def sort_slices(over: PointsOver, n: int, step: float, slope: float, first: Ints, slice_: Ints, order: Ints) -> None:
+    """Write the order of n points by slices of a slope; where each begins to `first` (slices + 1,)."""
+    n_slices = len(first) - 1
+    first[:] = 0
     for k in range(n):
-        out[at[found[2 * k]]] = found[2 * k + 1]
-        at[found[2 * k]] += 1
+        at = int(np.floor((over.height[k] - slope * over.aside[k]) / step)) + n_slices // 2
+        slice_[k] = at if 0 <= at < n_slices else EMPTY
+        if slice_[k] != EMPTY:
+            first[at + 1] += 1
+    for at in range(n_slices):
+        first[at + 1] += first[at]
+    for k in range(n):
+        if slice_[k] != EMPTY:
+            order[first[slice_[k]]] = k
+            first[slice_[k]] += 1
+    for at in range(n_slices, 0, -1):
+        first[at] = first[at - 1]
+    first[0] = 0
 
 
 class LayersOver(NamedTuple):
-    """Layers over patches (m, layers), from behind to before each."""
+    """Layers over tiles of patches (rows, layers), from behind to before each; rows as `Tiles.row` has them."""
 
-    cover: Floats  # share of the patch's occupied cells in which the layer has points
+    cover: Floats  # share of the tile's occupied cells in which the layer has points
     n_points: Floats  # its points over these
     rim: Floats  # and over the rim
-    n_cells: Floats  # (m,) occupied cells
-    n_rim: Floats  # (m,) and those of the rim
+    n_cells: Floats  # (t,) occupied cells
+    n_rim: Floats  # (t,) and those of the rim
+
+
+@part
+def count_layers(
+    found: LayersOver, over: PointsOver, tiles: Tiles, r: int, first: Ints, order: Ints, seen: Ints
+) -> None:
+    """Add the points of one patch, sorted by the slope of number r, to the layers of their tiles; two slices make one.
+
+    `seen`: by cell of the patch, filled with -2.
+    """
+    n_layers = found.cover.shape[1]
+    for slice_ in range(n_layers + 1):
+        for place in range(first[slice_], first[slice_ + 1]):
+            k = order[place]
+            cell, row = over.cell[k], tiles.row[over.tile[k]] + r
+            if row >= tiles.row[over.tile[k] + 1]:
+                continue
+            if cell == EMPTY:
+                for layer in range(max(slice_ - 1, 0), min(slice_ + 1, n_layers)):
+                    found.rim[row, layer] += 1.0
+                continue
+            last = seen[cell]
+            seen[cell] = slice_
+            # New to the layer that begins here, and to the one that ends here unless the slice before had it.
+            if slice_ < n_layers:
+                found.cover[row, slice_] += last != slice_
+                found.n_points[row, slice_] += 1.0
+            if slice_ > 0:
+                found.cover[row, slice_ - 1] += last < slice_ - 1
+                found.n_points[row, slice_ - 1] += 1.0
+
+
+@part
+def most_slopes(tiles: Tiles, i: int) -> int:
+    """Slopes of layers over a tile of patch i at most."""
+    most = 0
+    for tile in range(tiles.first[i], tiles.first[i + 1]):
+        most = max(most, tiles.row[tile + 1] - tiles.row[tile])
+    return most
 
 
 @jit
 def layers_over(
-    near: Nearby, sheets: Sheets, planes: Planes, points: Floats, start: Ints, step: float, n_slices: int
+    near: Nearby,
+    sheets: Sheets,
+    planes: Planes,
+    points: Floats,
+    start: Ints,
+    tiles: Tiles,
+    step: float,
+    n_slices: int,
+    slope: Floats,
 ) -> LayersOver:
-    """Return the layers over patches, of points of other patches or of none.
+    """Return the layers over tiles of patches, of points of other patches or of none.
 
     A layer is two slices, each `step` metres thick; n_slices is even, and half of them lie on either side of the plane.
+    `slope` (r,): how much layers rise across a tile, 0 first.
     """
-    n_patches = len(start) - 1
-    cover, count = np.zeros((n_patches, n_slices - 1)), np.zeros((n_patches, n_slices - 1))
-    rim, of_slice = np.zeros((n_patches, n_slices - 1)), np.zeros(n_slices)
-    n_cells, n_rim = np.zeros(n_patches), np.zeros(n_patches)
+    shape, n_tiles = (tiles.row[-1], n_slices - 1), len(tiles.counts)
+    cover, n_points, rim = np.zeros(shape), np.zeros(shape), np.zeros(shape)
+    found = LayersOver(cover, n_points, rim, np.zeros(n_tiles), np.zeros(n_tiles))
     marks, places = np.full(len(near.key), EMPTY, np.int64), np.zeros(len(near.key), np.int64)
-    found, cells = np.zeros(2 * len(near.points), np.int64), np.zeros(len(near.points), np.int64)
-    first, seen = np.zeros(n_slices + 1, np.int64), np.zeros(0, np.int64)
-    for i in range(n_patches):
-        n_places = voxels_about(near, points, start[i], start[i + 1], i, marks, places)
-        sort_over(near, sheets, planes, i, step, places[:n_places], first, found, cells, of_slice)
-        n_cells[i], n_rim[i] = measure_raster(sheets, i)
-        size = sheets.base[i + 1] - sheets.base[i]
+    n = len(near.points)
+    over = PointsOver(np.zeros(n, np.int64), np.zeros(n, np.int64), np.zeros(n), np.zeros(n))
+    slice_, order, first = np.zeros(n, np.int64), np.zeros(n, np.int64), np.zeros(n_slices + 1, np.int64)
+    seen, raster = np.zeros(0, np.int64), np.zeros(0, np.uint8)
+    for i in range(len(start) - 1):
+        size = (sheets.size[i, 0] + 2 * RIM) * (sheets.size[i, 1] + 2 * RIM)
         if size > len(seen):
-            seen = np.zeros(2 * size, np.int64)
-        seen[:size] = -2
-        for slice_ in range(n_slices):
-            for k in range(first[slice_], first[slice_ + 1]):
-                last = seen[cells[k]]
-                seen[cells[k]] = slice_
-                # New to the layer that begins here, and to the one that ends here unless the slice before had it.
-                if last != slice_ and slice_ < n_slices - 1:
-                    cover[i, slice_] += 1.0
-                if last < slice_ - 1 and slice_ > 0:
-                    cover[i, slice_ - 1] += 1.0
-        for layer in range(n_slices - 1):
-            count[i, layer] = first[layer + 2] - first[layer]
-            rim[i, layer] = of_slice[layer] + of_slice[layer + 1]
-            cover[i, layer] /= max(n_cells[i], 1.0)
-    return LayersOver(cover, count, rim, n_cells, n_rim)
+            seen, raster = np.zeros(2 * size, np.int64), np.zeros(2 * size, np.uint8)
+        draw_raster(sheets, i, raster)
+        measure_raster(sheets, tiles, i, raster, found.n_cells, found.n_rim)
+        n_places = voxels_about(near, points, start[i], start[i + 1], i, marks, places)
+        n = gather_over(near, sheets, planes, tiles, i, (0.5 * n_slices + 3.0) * step, places[:n_places], raster, over)
+        for r in range(most_slopes(tiles, i)):
+            seen[:size] = -2
+            sort_slices(over, n, step, slope[r], first, slice_, order)
+            count_layers(found, over, tiles, r, first, order, seen)
+    for tile in range(n_tiles):
+        for row in range(tiles.row[tile], tiles.row[tile + 1]):
+            for layer in range(shape[1]):
+                cover[row, layer] /= max(found.n_cells[tile], 1.0)
+    return found
+
+
+@part
+def gather_directions(
+    profile: Floats,
+    row: Ints,
+    step: float,
+    turn: Floats,
+    flat: Floats,
+    place: Floats,
+    weight: Floats,
+    i: int,
+    others: Ints,
+    counts: Floats,
+    found: Floats,
+    used: Ints,
+) -> int:
+    """Add up the profiles of surfaces that face alike, weighted; how many directions there are.
+
+    `found` (`DIRECTIONS`, 2, r, n): of directions from that of surface i on, a half turn in all, what would be a copy
+    and what would be moved where a turn about surface i and a distance put it. `used`: the directions.
+    """
+    n_used, n_layers = 0, profile.shape[1]
+    for j in others:
+        ahead = flat[i, 0] * flat[j, 0] + flat[i, 1] * flat[j, 1]
+        aside = flat[i, 0] * flat[j, 1] - flat[i, 1] * flat[j, 0]
+        lever = flat[j, 1] * (place[j, 0] - place[i, 0]) - flat[j, 0] * (place[j, 1] - place[i, 1])
+        at = int(np.floor(np.arctan2(aside, ahead) / np.pi * DIRECTIONS + 0.5))
+        # What faces the other way is moved by as much to the other side.
+        flip = at < 0 or at >= DIRECTIONS
+        at = (at + DIRECTIONS) % DIRECTIONS
+        is_new = True
+        for k in range(n_used):
+            is_new &= used[k] != at
+        if is_new:
+            used[n_used] = at
+            n_used += 1
+            found[at] = 0.0
+        for r in range(len(turn)):
+            layers = profile[min(row[j] + r, row[j + 1] - 1)]
+            shift = int(np.floor(turn[r] * lever / step + 0.5))
+            for layer in range(n_layers):
+                source = (n_layers - 1 - layer if flip else layer) + shift
+                if 0 <= source < n_layers:
+                    found[at, 0, r, layer] += weight[j] * layers[source]
+                    found[at, 1, r, layer] += weight[j] * counts[source]
+    return n_used
 
 
 @jit
 def self_shifts(
-    profile: Floats, step: float, motion: Floats, flat: Floats, weight: Floats, begin: Ints, other: Ints, least: float
+    profile: Floats,
+    row: Ints,
+    step: float,
+    motion: Floats,
+    turn: Floats,
+    flat: Floats,
+    place: Floats,
+    weight: Floats,
+    begin: Ints,
+    other: Ints,
+    least: float,
 ) -> Floats:
-    """Return how well one motion explains the layers about each patch (m, 6).
+    """Return how well one motion explains the layers about each surface (t, 5).
 
-    Columns: support of the best motion, its length, and how far it moves along the patch's normal, in metres; its
-    support by the other patches alone; by how much its support is above that of the median motion; and how much of a
-    copy this patch has where the motion puts it. All are nan where no patch about is a witness. Of the weight of what
-    a motion moves along its normal, support is the share that is a copy, with `DOUBT` of all as what is moved and no
-    copy: few patches that it moves are little evidence.
+    Columns: support of the best motion; by how much it is above that of the median motion; how much of a copy this
+    surface has where the motion puts it; how far the motion moves along the surface's normal, and its length, in
+    metres. Of the weight of what a motion moves along its normal, support is the share that is a copy, with `DOUBT` of
+    all as what is moved and no copy: few surfaces that it moves are little evidence.
 
-    `profile` (m, n): how much a patch has of a copy at each distance from its plane, a `step` apart from 0. `motion`
-    (k, 2): along the normal of the patch in question, and across; the shortest first. `flat` (m, 2): normals in the
-    plane of the motions. `weight` (m,): of patches as witnesses. Neighbours of patch i, itself
-    among them, are ``other[begin[i]:begin[i + 1]]``. `least`: metres from which a motion parts a surface from its copy.
+    `profile` (rows, n): how much a surface has of a copy at each distance along its normal; n is odd, distances are a
+    `step` apart, 0 in the middle. `row` (t + 1,): of its first, for each turn or for all alike. `motion` (k, 2): along
+    the normal of the surface in question, and across; the shortest first. `turn` (r,): radians about its place, 0
+    first. `flat` (t, 2): normals in the plane of the motions; `place` (t, 2): there. `weight` (t,): of surfaces as
+    witnesses. Neighbours of surface i, itself among them, are ``other[begin[i]:begin[i + 1]]``. `least`: metres from
+    which a motion parts a surface from its copy.
     """
-    out = np.full((len(weight), 6), np.nan)
-    explained, moved = np.zeros(len(motion)), np.zeros(len(motion))
+    out = np.zeros((len(weight), 5))
+    n_motions, n_layers, middle = len(motion), profile.shape[1], profile.shape[1] // 2
+    explained, moved = np.zeros(len(turn) * n_motions), np.zeros(len(turn) * n_motions)
+    found, used = np.zeros((DIRECTIONS, 2, len(turn), n_layers)), np.zeros(DIRECTIONS, np.int64)
+    # What lies farther off than the last layer but one is not known.
+    counts = np.zeros(n_layers)
+    for layer in range(1, n_layers - 1):
+        counts[layer] = abs(layer - middle) * step >= least
+    profile = profile * counts
     for i in range(len(weight)):
+        others = other[begin[i] : begin[i + 1]]
+        n_used = gather_directions(profile, row, step, turn, flat, place, weight, i, others, counts, found, used)
         explained[:], moved[:], total = 0.0, 0.0, 0.0
-        for place in range(begin[i], begin[i + 1]):
-            j = other[place]
-            if weight[j] == 0.0:
-                continue
+        for j in others:
             total += weight[j]
-            ahead = flat[i, 0] * flat[j, 0] + flat[i, 1] * flat[j, 1]
-            aside = flat[i, 0] * flat[j, 1] - flat[i, 1] * flat[j, 0]
-            for t in range(len(motion)):
-                along = abs(ahead * motion[t, 0] + aside * motion[t, 1])
-                if along >= least:
-                    moved[t] += weight[j]
-                    explained[t] += weight[j] * profile[j, min(int(along / step + 0.5), profile.shape[1] - 1)]
-        if total == 0.0:
-            continue
+        for at in used[:n_used]:
+            ahead, aside = np.cos(at * np.pi / DIRECTIONS), np.sin(at * np.pi / DIRECTIONS)
+            for k in range(n_motions):
+                along = ahead * motion[k, 0] + aside * motion[k, 1]
+                layer = int(min(max(along / step + middle + 0.5, 0.0), n_layers - 1.0))
+                for r in range(len(turn)):
+                    explained[r * n_motions + k] += found[at, 0, r, layer]
+                    moved[r * n_motions + k] += found[at, 1, r, layer]
         support = explained / (moved + DOUBT * total)
         best = 0
-        for t in range(1, len(motion)):
+        for t in range(1, len(support)):
             if support[t] > support[best] + CLEARLY:
                 best = t
-        out[i, 0] = support[best]
-        out[i, 1] = np.sqrt(motion[best, 0] ** 2 + motion[best, 1] ** 2)
-        out[i, 2] = abs(motion[best, 0])
-        own = weight[i] if out[i, 2] >= least else 0.0
-        out[i, 5] = profile[i, min(int(out[i, 2] / step + 0.5), profile.shape[1] - 1)] if own > 0.0 else 0.0
-        others = moved[best] - own + DOUBT * (total - weight[i])
-        out[i, 3] = (explained[best] - own * out[i, 5]) / others if others > 0.0 else 0.0
-        out[i, 4] = support[best] - np.median(support)
+        along = motion[best % n_motions, 0]
+        layer = int(min(max(along / step + middle + 0.5, 0.0), n_layers - 1.0))
+        out[i, 0], out[i, 1] = support[best], support[best] - np.median(support)
+        out[i, 2], out[i, 3] = profile[min(row[i] + best // n_motions, row[i + 1] - 1), layer], abs(along)
+        out[i, 4] = np.sqrt(motion[best % n_motions, 0] ** 2 + motion[best % n_motions, 1] ** 2)
     return out

@@ -27,9 +27,6 @@ MEASURES = {
 }
 """Node feature to the shape measure of the same meaning for people, and its words."""
 
-CONFLICTS = "sum_of_conflicts"
-"""Column of the trees: W (A + R) of all pairs of a patch."""
-
 OF_PAIRS = ("over_", OVER, ACROSS)
 """How columns of the trees begin that are of the surface that lies over a patch, or crosses it, most."""
 WORDS = {
@@ -121,8 +118,6 @@ class Reasons:
             yield self._of_pair(patch, other, gain)
 
     def _of_node(self, patch: int, name: str, value: float, gain: float) -> Reason:
-        if name == CONFLICTS:
-            return Reason(f"conflicts with its neighbours add up to {value:.2f}", gain, None, {name: value})
         measure, words = MEASURES.get(name, ("", ""))
         if measure not in self._features.shape_names:
             return Reason(plain_words(name, value), gain, None, {name: value})

@@ -186,7 +186,9 @@ class Measuring:
     def _task(self, group: Ints, windows: Floats, beyond: Beyond) -> Callable[[], PatchFeatures]:
         whole, settings = self._whole, self._settings
         has_copies = "copies" in settings.context
-        about = self._about(group) if has_copies else group
+        # Patches whose tiles may be evidence of these.
+        reach = ABOUT + SLACK if has_copies else 0.0
+        about = np.union1d(group, patches_near(whole, whole.low[group], whole.high[group], reach))
         near = patches_near(whole, whole.low[about], whole.high[about], max(settings.radius, LOOSE_REACH))
         number = np.union1d(near, patches_near(whole, windows, windows, WINDOW + LOOSE_REACH))
         is_near = np.isin(number, near, assume_unique=True)
@@ -201,13 +203,6 @@ class Measuring:
         is_own, is_about = (np.isin(number, some, assume_unique=True) for some in (group, about))
         beyond = beyond._replace(centres=centres)
         return partial(measure_part, part, is_own, is_about, step, rest, settings, beyond)
-
-    def _about(self, own: Ints) -> Ints:
-        """Return the patches, ascending, whose layers are evidence of some patches; these themselves too."""
-        middle = self._whole.joined.centroid
-        if not len(own):
-            return own
-        return np.flatnonzero(np.isfinite(cKDTree(middle[own]).query(middle, distance_upper_bound=ABOUT + SLACK)[0]))
 
     def join(self, parts: list[PatchFeatures], up: list[float]) -> PatchFeatures:
         """Return the features of all patches and pairs; pairs that two groups measured are taken once."""

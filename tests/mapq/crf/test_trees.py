@@ -52,6 +52,7 @@ def draw(seed: int, n_patches: int = 12, n_pairs: int = 25) -> PatchFeatures:
     node[:, low] = rng.uniform(0.0, 0.4, n_patches)
     node[:, metres] = node[:, low] + rng.uniform(0.0, 0.1, n_patches)
     node[:, NODE.index("disagreement_high")] = node[:, metres] + rng.uniform(0.0, 0.1, n_patches)
+    node[:, NODE.index("shift_along")] = rng.uniform(0.0, 1.5, n_patches)
     x, names = rng.uniform(-1.0, 1.0, len(pairs)), (*EDGE_NAMES, *CONTEXT)
     return PatchFeatures("safe", node, pairs, np.hstack([edge, context]), x, NODE, names, 0, context_names=CONTEXT)
 
@@ -82,8 +83,7 @@ def slow_columns(features: PatchFeatures, patch: int) -> dict[str, tuple[float, 
         for each in SHARES:
             share = np.nan if row is None else row[each] / found[name][0]
             found[f"over_{each}"] = (share, other)
-    total = sum(row["weight"] * (row["overlap"] + row["crossing"]) for row, _ in mine)
-    return found | {"sum_of_conflicts": (total, NOBODY)}
+    return found
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -13,7 +13,16 @@ from mapq.cloud import PointCloud
 from mapq.configuration import CONTEXTS, FeatureSettings
 from mapq.features import measure_shapes, patch_features
 from mapq.features.context import EDGE_COLUMNS, NODE_COLUMNS
-from mapq.features.copies import COLUMNS, FARTHEST, copy_columns, nearby_points, outline_match, thinness
+from mapq.features.copies import (
+    COLUMNS,
+    FARTHEST,
+    TURNS,
+    copy_columns,
+    nearby_points,
+    outline_match,
+    thinness,
+    tiles_of,
+)
 from mapq.features.disagreement import known_of, moments_of
 from mapq.features.pairs import EDGE_NAMES
 from mapq.features.shape import NODE_NAMES, PatchShapes
@@ -143,14 +152,17 @@ STEP = 0.025
 
 
 def layers_at(patches: Patches, off: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return cover, thinness and outline match (m,) of the layer so far off each patch, of either side the fuller."""
+    """Return cover, thinness and outline match (m,) of the layer so far off each patch, the fuller of either side."""
     shapes, number = measure_shapes(patches), np.flatnonzero(patches.cloud.finite())
     near = nearby_points(patches, number, np.zeros(len(number), np.int64), None)
-    n_slices = 2 * int(np.ceil(FARTHEST / STEP))
-    found = layers_over(near, shapes.sheets, shapes.planes, shapes.points, shapes.start, STEP, n_slices)
-    middle, away, rows = n_slices // 2 - 1, round(off / STEP), np.arange(len(shapes))
-    at = np.where(found.cover[:, middle + away] > found.cover[:, middle - away], middle + away, middle - away)
-    return found.cover[rows, at], thinness(found)[rows, at], outline_match(found, shapes.counts)[rows, at]
+    n_slices, tiles = 2 * int(np.ceil(FARTHEST / STEP)), tiles_of(shapes, STEP)
+    given = near, shapes.sheets, shapes.planes, shapes.points, shapes.start, tiles
+    found = layers_over(*given, STEP, n_slices, np.zeros(1))
+    middle, away, rows = n_slices // 2 - 1, round(off / STEP), tiles.row[:-1]
+    cover = found.cover[rows]
+    at = np.where(cover[:, middle + away] > cover[:, middle - away], middle + away, middle - away)
+    measures = found.cover, thinness(found), outline_match(found, tiles)
+    return tuple(np.add.reduceat(each[rows, at], tiles.first[:-1]) / np.diff(tiles.first) for each in measures)
 
 
 class TestSecondLayer:
@@ -180,6 +192,14 @@ class TestSecondLayer:
 
 
 class TestShift:
+    def test_one_turn_explains_the_copies_of_long_walls(self):
+        corners = [((0, 0), (12, 0)), ((12, 0), (12, 8)), ((0, 8), (12, 8)), ((0, 0), (0, 8))]
+        turned = [tuple((turn(4.0)[:2, :2] @ corner + (0.3, -0.2)).tolist() for corner in line) for line in corners]
+        one, both = ([wall(*line) for line in lines] for lines in (corners, corners + turned))
+        one, both = (columns(sample_patches(walls, 1, DENSITY, NOISE)) for walls in (one, both))
+        assert both["shift_support"].min() > 0.2
+        assert one["shift_support"].max() < 0.5 * both["shift_support"].min()
+
     def test_one_motion_explains_the_copies_of_all_walls(self):
         patches = sample_patches(doubled((0.4, 0.3)), 1, DENSITY, NOISE)
         for found in (columns(patches), columns(loosened(patches, 4))):
@@ -190,7 +210,7 @@ class TestShift:
         thin = [*ROOM, wall((0.1, 3.0), (7.9, 3.0)), wall((0.1, 3.2), (7.9, 3.2))]
         one, all_ = (columns(sample_patches(walls, 1, DENSITY, NOISE)) for walls in (thin, doubled((0.4, 0.3))))
         assert one["shift_own"][4:].min() > 0.5
-        assert one["shift_others"][4:].max() < 0.5 * all_["shift_others"].min()
+        assert one["shift_support"].max() < 0.75 * all_["shift_support"].min()
         assert one["shift_clear"].max() < 0.75 * all_["shift_clear"].min()
 
     @pytest.mark.parametrize("loose", [False, True])
@@ -230,35 +250,54 @@ def test_order_shift_signs_and_turns_do_not_matter(change):
         assert found[name] == pytest.approx(expected[name], abs=0.05 if change == "signs" else 1e-6), name
 
 
-def test_layers_agree_with_the_definition():
-    """Each layer of each patch against each point, without voxels."""
+def share_from_either_end(cells: np.ndarray, size: np.ndarray, n_tiles: np.ndarray) -> np.ndarray:
+    """Return the tile of each cell, across and along, by the middle of the cell; mirrored in the upper half."""
+    nearer = np.minimum(cells, size - 1 - cells)
+    lower = np.floor((nearer + 0.5) / size * n_tiles).astype(int)
+    return np.where(cells == nearer, lower, n_tiles - 1 - lower)
+
+
+@pytest.mark.parametrize("slope", [0.0, 0.05])
+def test_layers_agree_with_the_definition(slope):
+    """Each layer of each tile against each point, without voxels."""
     patches = loosened(sample_patches([*doubled((0.4, 0.3)), wall((2, 1), (6, 1), 1.2)], 1, 25.0, NOISE), 6)
     shapes, xyz = measure_shapes(patches), patches.cloud.xyz
     step, n_slices = 0.05, 2 * 30
-    number = np.arange(len(xyz))
+    number, tiles = np.arange(len(xyz)), tiles_of(shapes, step)
     near = nearby_points(patches, number, np.zeros(len(xyz), np.int64), None)
-    found = layers_over(near, shapes.sheets, shapes.planes, shapes.points, shapes.start, step, n_slices)
+    given = near, shapes.sheets, shapes.planes, shapes.points, shapes.start, tiles
+    found = layers_over(*given, step, n_slices, np.array([0.0, slope]))
     assert n_slices * step == pytest.approx(2 * FARTHEST)
+    assert (np.diff(tiles.row) == len(TURNS)).all()
+    assert tiles.counts.sum() == shapes.counts.sum()
     for i in range(len(patches)):
         away = xyz - shapes.centre[i]
         plan = np.column_stack([away @ shapes.across[i], away @ shapes.along[i]])
         own = patches.patch == i
         low, high = plan[own].min(axis=0), plan[own].max(axis=0)
-        size = np.floor((high - low) / shapes.cell[i]) + 1
+        size = (np.floor((high - low) / shapes.cell[i]) + 1).astype(int)
         corner = 0.5 * (low + high - size * shapes.cell[i])
-        cells = [tuple(cell) for cell in np.floor((plan - corner) / shapes.cell[i]).astype(int)]
-        occupied = {cell for cell, mine in zip(cells, own, strict=True) if mine}
-        place = np.floor(away @ shapes.normal[i] / step).astype(int) + n_slices // 2
-        assert found.n_cells[i] == len(occupied)
+        cells = np.floor((plan - corner) / shapes.cell[i]).astype(int)
+        across, up = share_from_either_end(np.clip(cells, 0, size - 1), size, tiles.size[i]).T
+        tile = tiles.first[i] + up * tiles.size[i, 0] + across
+        occupied = {tuple(cell) for cell in cells[own]}
         reach = range(-RIM, RIM + 1)
         rim = {(u + du, v + dv) for u, v in occupied for du in reach for dv in reach} - occupied
-        assert found.n_rim[i] == len(rim)
-        for layer in range(n_slices - 1):
-            inside = np.flatnonzero(~own & ((place == layer) | (place == layer + 1)))
-            hit = [cells[k] for k in inside if cells[k] in occupied]
-            assert found.n_points[i, layer] == len(hit)
-            assert found.rim[i, layer] == sum(cells[k] in rim for k in inside)
-            assert found.cover[i, layer] == pytest.approx(len(set(hit)) / len(occupied))
+        for t in range(tiles.first[i], tiles.first[i + 1]):
+            middle = plan[own & (tile == t), 0].mean()
+            np.testing.assert_allclose(tiles.middle[t], middle, atol=1e-9)
+            height = away @ shapes.normal[i] - slope * (plan[:, 0] - middle)
+            place = np.floor(height / step).astype(int) + n_slices // 2
+            mine = [tuple(cell) for cell in np.unique(cells[own & (tile == t)], axis=0)]
+            assert found.n_cells[t] == len(mine)
+            row = tiles.row[t] + 1
+            for layer in range(n_slices - 1):
+                inside = np.flatnonzero(~own & (tile == t) & ((place == layer) | (place == layer + 1)))
+                hit = [tuple(cells[k]) for k in inside if tuple(cells[k]) in occupied]
+                assert found.n_points[row, layer] == len(hit)
+                assert found.rim[row, layer] == sum(tuple(cells[k]) in rim for k in inside)
+                assert found.cover[row, layer] == pytest.approx(len(set(hit)) / len(mine))
+        assert found.n_rim[tiles.first[i] : tiles.first[i + 1]].sum() == len(rim)
 
 
 # Points sorted in their planes: their gaps against brute force, and the memory that their cells take.
