@@ -273,7 +273,7 @@ def _advice(run: Run, folder: Path) -> str:
         return f"Run longer, to agreement or for 30 minutes: {again}"
     if diagnostics["converged_seen"]:
         return ""
-    if run.trajectory is not None:
+    if run.trajectory is not None or run.walls is not None:
         return f"Run longer: {again}"
     if waits and not is_tempered:
         return "Tempering: none so far, the chains were not found to disagree; run longer (docs/convergence.md)."

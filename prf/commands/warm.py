@@ -31,6 +31,7 @@ COMMANDS = {
         f"sample --laser laser.csv --pose-noise 0.05 0.01 {FEW} -o drive",
         f"sample --laser drive.log --odometry wheels {FEW} -o loop",
     ),
+    "walls": (f"sample --laser laser.csv --prior walls {FEW} -o walls",),
     "points": (f"sample --point-data values.csv {FEW} -o points",),
     "prior": (
         "prior --scale 1 --window 0 0 1 1 --draws 3 --method exact --seed 1 -o exact.geojsonl",
@@ -64,9 +65,9 @@ def warm(
     """Compile the kernels ahead: for container images, CI, and machines that must answer at once.
 
     Otherwise the first call of a verb compiles what it needs. laser, sonar and points are for sample and anneal, and
-    share most; poses is for uncertain ones; maps is query, score, grid and export. Kernels are kept for this version,
-    this Python and this kind of processor in $PRF_CACHE_DIR, or else in ~/.cache/prf/kernels, where whoever runs prf
-    must be able to write. A second call has nothing to do.
+    share most; poses is for uncertain ones, walls for --prior walls; maps is query, score, grid and export. Kernels are
+    kept for this version, this Python and this kind of processor in $PRF_CACHE_DIR, or else in ~/.cache/prf/kernels,
+    where whoever runs prf must be able to write. A second call has nothing to do.
     """
     from prf.kernels._jit import CACHE
     from prf.sampler.tiles.schedule import small_round
