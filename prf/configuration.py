@@ -44,9 +44,6 @@ SCORE_DEFAULTS: Mapping[str, float] = MappingProxyType(
 class Prior(Table):
     """The law of maps: the Arak process of polygons, or walls (docs/walls.md)."""
 
-    map: Literal["polygons", "walls"] = key(
-        "polygons", "", "what a map is: polygons (the Arak process), or walls with a thickness", flag="polygons|walls"
-    )
     scale: float = key(
         0.1,
         "1/m",
@@ -70,6 +67,9 @@ class Prior(Table):
     )
     orientation_angle: float | Literal["sampled"] = key("sampled", "rad", "one of these directions, or sampled")
     free_space: float = key(0.0, "1/m²", "cost of black ground, nats a square metre", ge=0.0, le=1e6)
+    map: Literal["polygons", "walls"] = key(
+        "polygons", "", "what a map is: polygons (the Arak process), or walls with a thickness", flag="polygons|walls"
+    )
     wall_density: float = key(0.1, "1/m²", "walls: their rate before interactions", gt=0.0, le=1e6)
     wall_length: float = key(1.0, "m", "walls: median length before interactions", **LENGTH)
     wall_thickness: float = key(0.12, "m", "walls: median of the common values of thickness", ge=0.02, le=1.0)

@@ -94,7 +94,7 @@ def given_errors(laser: Readings, noise: float) -> PoseErrors | None:
         if (found <= ROOM * held).all():
             break
         held = np.maximum(held, found / ROOM)
-    jitter = max(jitter_of(pose).metres for pose in devices_of(laser.notes.scans))
+    jitter = max((jitter_of(pose).metres for pose in devices_of(laser.notes.scans)), default=math.inf)
     return PoseErrors(float(found[0]), float(found[1]), jitter if jitter > 0.0 else math.inf)
 
 

@@ -190,7 +190,10 @@ def _jitter(readings: Readings) -> Iterator[Suspicion]:
     """Yield which poses of sonars jitter; scans of a laser show by themselves by how much theirs err."""
     if not readings.cone.any():
         return
-    found = max(map(jitter_of, devices_of(readings.notes.scans)), key=lambda each: each.metres)
+    devices = list(devices_of(readings.notes.scans))
+    if not devices:
+        return
+    found = max(map(jitter_of, devices), key=lambda each: each.metres)
     if found.is_jitter:
         text = (
             f"poses jitter: half of them lie {found.metres * OFF_MIDDLE:.2f} m or more off the middle of the poses "

@@ -121,8 +121,8 @@ def test_arguments_that_cannot_be_used_are_value_errors(given: dict[str, Any], w
 def test_values_by_place_are_given_once_and_are_not_too_many() -> None:
     with pytest.raises(ValueError, match="scale: given twice"):
         prf.Prior(0.1, scale=0.2)
-    with pytest.raises(ValueError, match="takes 5 values, but 6 are given"):
-        prf.Prior(0.1, None, 0.0, 0.0, 0.0, 5)
+    with pytest.raises(ValueError, match="takes 11 values, but 12 are given"):
+        prf.Prior(*[0.1] * 12)
 
 
 def test_a_scheduler_that_does_not_answer_costs_no_earlier_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -36,7 +36,6 @@ TILTED = 0.5
 """... the one below which a sensor does not."""
 TICKS = ((9e17, 1e-9), (9e14, 1e-6), (9e11, 1e-3))
 """Times of this millennium are above these where they are nano-, micro- or milliseconds since 1970."""
-
 LAYOUTS = (
     "Rows may be 12 numbers (3x4 matrix, KITTI), 16 (4x4), 7 (tx ty tz and a quaternion), 8 (time or name and "
     "these), 3 (x y theta), 4 (t x y theta), g2o, 4x4 matrices over four lines, JSON, CSV with a header such as "
@@ -381,7 +380,8 @@ def _of_table(lines: Sequence[str], source: str) -> _Rows | None:
             if not is_comment or (data and len(data[0][1]) == len(names)):
                 break
         elif not is_comment and not any(map(_is_number, names)):
-            wanted = "Name the columns t,x,y,theta or t,x,y,z,qx,qy,qz,qw (t and z may be missing)."
+            poses = "Name the columns t,x,y,theta or t,x,y,z,qx,qy,qz,qw (t and z may be missing)."
+            wanted = "Point observations (x,y,value) are given as --point-data." if "value" in names else poses
             raise InputError(f"{source}:{number}: the header does not name the columns of poses. {wanted}")
         if not is_comment:
             return None
