@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -19,6 +20,18 @@ def advance(ensemble: Ensemble, threads: int = 1) -> None:
     ensemble.begin_round()
     with ThreadPoolExecutor(threads) as pool:
         ensemble.end_round(list(pool.map(ChainRun.advance, ensemble.chains)))
+
+
+def advance_until_agreed(ensemble: Ensemble, steps: Sequence[int], most: float) -> float:
+    """Run to the first of some steps at which R-hat of all that varies is below `most`, or to the last; return it."""
+    rhat = math.inf
+    for step in steps:
+        while ensemble.step < step:
+            advance(ensemble)
+        rhat = max(found.rhat for found in ensemble.diagnose().values() if found.state == "varies")
+        if rhat < most:
+            break
+    return rhat
 
 
 def find_starts(ensemble: Ensemble) -> None:

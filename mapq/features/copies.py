@@ -119,10 +119,7 @@ def tiles_of(shapes: PatchShapes, step: float) -> Tiles:
     first = np.zeros(len(shapes) + 1, np.int64)
     np.cumsum(size.prod(axis=1), out=first[1:])
     n_tiles, tile = int(first[-1]), np.zeros(len(shapes.points), np.int64)
-    empty = Tiles(
-        first, size, np.zeros((n_tiles, 3)), np.zeros(n_tiles), np.zeros(n_tiles, np.int64), np.zeros(0, np.int64)
-    )
-    find_tiles(sheets, empty, tile)
+    find_tiles(sheets, first, size, tile)
     counts = np.bincount(tile, minlength=n_tiles)
     centre = group_means(shapes.points[sheets.number], tile, n_tiles)
     middle = np.bincount(tile, sheets.u, n_tiles) / np.maximum(counts, 1)

@@ -66,7 +66,7 @@ def read_pcd(content: Content, options: ReadOptions) -> PointCloud:
 
 
 def _bits(values: Array) -> bytes:
-    """Return the bits of numbers; those of a float that is no number count too."""
+    """Return the bits of numbers, so that nan equals itself."""
     return np.ascontiguousarray(values).tobytes()
 
 

@@ -52,20 +52,20 @@ def share_of(cell: int, n_cells: int, n_tiles: int) -> int:
 
 
 @part
-def tile_of(sheets: Sheets, tiles: Tiles, i: int, column: int, row: int) -> int:
-    """Tile of patch i that a cell of its raster is in; of a place beyond its rim, the nearest."""
+def tile_of(sheets: Sheets, first: Ints, size: Ints, i: int, column: int, row: int) -> int:
+    """Tile of patch i that a cell of its raster is in; of a place beyond its rim, the nearest. As `Tiles` has them."""
     columns, rows = sheets.size[i, 0], sheets.size[i, 1]
-    across = share_of(min(max(column, 0), columns - 1), columns, tiles.size[i, 0])
-    return tiles.first[i] + share_of(min(max(row, 0), rows - 1), rows, tiles.size[i, 1]) * tiles.size[i, 0] + across
+    across = share_of(min(max(column, 0), columns - 1), columns, size[i, 0])
+    return first[i] + share_of(min(max(row, 0), rows - 1), rows, size[i, 1]) * size[i, 0] + across
 
 
 @jit
-def find_tiles(sheets: Sheets, tiles: Tiles, tile: Ints) -> None:
-    """Write the tile of each point (k,) of the patches."""
+def find_tiles(sheets: Sheets, first: Ints, size: Ints, tile: Ints) -> None:
+    """Write the tile of each point (k,) of the patches; `first` and `size` as `Tiles` has them."""
     for i in range(len(sheets.size)):
         for cell in range(sheets.base[i], sheets.base[i + 1]):
             at = cell - sheets.base[i]
-            mine = tile_of(sheets, tiles, i, at % sheets.size[i, 0], at // sheets.size[i, 0])
+            mine = tile_of(sheets, first, size, i, at % sheets.size[i, 0], at // sheets.size[i, 0])
             tile[sheets.first[cell] : sheets.first[cell + 1]] = mine
 
 
@@ -95,7 +95,7 @@ def measure_raster(sheets: Sheets, tiles: Tiles, i: int, raster: Bytes, n_cells:
     width = sheets.size[i, 0] + 2 * RIM
     for at in range(width * (sheets.size[i, 1] + 2 * RIM)):
         if raster[at] != FREE:
-            tile = tile_of(sheets, tiles, i, at % width - RIM, at // width - RIM)
+            tile = tile_of(sheets, tiles.first, tiles.size, i, at % width - RIM, at // width - RIM)
             n_cells[tile] += raster[at] == OCCUPIED
             n_rim[tile] += raster[at] == ON_RIM
 
@@ -127,7 +127,7 @@ def gather_over(
                 continue
             what = raster[(row + RIM) * (columns + 2 * RIM) + column + RIM]
             if what != FREE:
-                tile = tile_of(sheets, tiles, i, column, row)
+                tile = tile_of(sheets, tiles.first, tiles.size, i, column, row)
                 out.cell[n] = row * columns + column if what == OCCUPIED else EMPTY
                 out.tile[n], out.height[n], out.aside[n] = tile, height, u - tiles.middle[tile]
                 n += 1
@@ -295,6 +295,26 @@ def gather_directions(
     return n_used
 
 
+@part
+def layer_at(along: float, step: float, n_layers: int) -> int:
+    """Layer at a distance along the normal, or the last one; 0 is in the middle."""
+    return int(min(max(along / step + n_layers // 2 + 0.5, 0.0), n_layers - 1.0))
+
+
+@part
+def weigh_motions(found: Floats, used: Ints, motion: Floats, step: float, explained: Floats, moved: Floats) -> None:
+    """Write what of `found` (see `gather_directions`) each turn and motion makes a copy, and what it moves."""
+    n_motions = len(motion)
+    explained[:], moved[:] = 0.0, 0.0
+    for at in used:
+        ahead, aside = np.cos(at * np.pi / DIRECTIONS), np.sin(at * np.pi / DIRECTIONS)
+        for k in range(n_motions):
+            layer = layer_at(ahead * motion[k, 0] + aside * motion[k, 1], step, found.shape[3])
+            for r in range(found.shape[2]):
+                explained[r * n_motions + k] += found[at, 0, r, layer]
+                moved[r * n_motions + k] += found[at, 1, r, layer]
+
+
 @jit
 def self_shifts(
     profile: Floats,
@@ -335,24 +355,15 @@ def self_shifts(
     for i in range(len(weight)):
         others = other[begin[i] : begin[i + 1]]
         n_used = gather_directions(profile, row, step, turn, flat, place, weight, i, others, counts, found, used)
-        explained[:], moved[:], total = 0.0, 0.0, 0.0
-        for j in others:
-            total += weight[j]
-        for at in used[:n_used]:
-            ahead, aside = np.cos(at * np.pi / DIRECTIONS), np.sin(at * np.pi / DIRECTIONS)
-            for k in range(n_motions):
-                along = ahead * motion[k, 0] + aside * motion[k, 1]
-                layer = int(min(max(along / step + middle + 0.5, 0.0), n_layers - 1.0))
-                for r in range(len(turn)):
-                    explained[r * n_motions + k] += found[at, 0, r, layer]
-                    moved[r * n_motions + k] += found[at, 1, r, layer]
+        total = weight[others].sum()
+        weigh_motions(found, used[:n_used], motion, step, explained, moved)
         support = explained / (moved + DOUBT * total)
         best = 0
         for t in range(1, len(support)):
             if support[t] > support[best] + CLEARLY:
                 best = t
         along = motion[best % n_motions, 0]
-        layer = int(min(max(along / step + middle + 0.5, 0.0), n_layers - 1.0))
+        layer = layer_at(along, step, n_layers)
         out[i, 0], out[i, 1] = support[best], support[best] - np.median(support)
         out[i, 2], out[i, 3] = profile[min(row[i] + best // n_motions, row[i + 1] - 1), layer], abs(along)
         out[i, 4] = np.sqrt(motion[best % n_motions, 0] ** 2 + motion[best % n_motions, 1] ** 2)

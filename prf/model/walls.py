@@ -156,7 +156,7 @@ def walls_of(rectangles: Coloring) -> Floats:
 def united(rectangles: Coloring) -> Coloring:
     """Return the map that is black where a wall is.
 
-    Where walls touch in a point, of which there is no map, all are thinned by less than rounding shows in a file.
+    A region that touches itself in a point is no valid map: then all walls are thinned, by less than a file shows.
     """
     walls = walls_of(rectangles)
     if len(walls) == 0:

@@ -19,8 +19,8 @@ from prf.shell.poses.bag import HEAD, bag_suffix
 from prf.shell.poses.files import PoseFile, read_pose_file
 from prf.shell.poses.named import ODOMETRY, POSE_WIDTHS, is_named, named_arrays, poses_in
 
-RANGE_COLUMN = re.compile(rb"(?im)^[^\d\n]*\brange\b")
-"""A header that names ranges."""
+LOG_HEADER = re.compile(rb"(?im)^[^\d\n]*\b(range|value)\b")
+"""A header that names ranges; or values at points, of which the reader of logs reports where they are given."""
 WANTED_POSES = "a pose a scan: rows x y theta, TUM, KITTI, g2o, or CSV t,x,y,theta"
 
 
@@ -115,7 +115,7 @@ def _parts(path: str) -> list[tuple[str, str, Ranges | PoseFile | None]]:
         return [("poses", _of_poses(found), found)]
     try:
         kind = recognise(data, path, raw=True)
-        if kind != "table" or RANGE_COLUMN.search(data[:4096]):
+        if kind != "table" or LOG_HEADER.search(data[:4096]):
             return [("log", {"carmen": "a CARMEN log", "player": "a Player log"}.get(kind, "a table"), None)]
     except InputError:
         if (found := _poses(path)) is None and not _is_pose_like(data):

@@ -26,7 +26,7 @@ from tests.readings.samples import player_laser, position
 Floats = NDArray[np.float64]
 
 NO_INPUTS = ("-o", "--output", "--world")
-"""Options whose values are no files that are read."""
+"""Options whose values name no input file."""
 OFFICE = ROOT / "data" / "demo-office.log.gz"
 SONAR_REACH = 3.5
 

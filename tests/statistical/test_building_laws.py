@@ -19,7 +19,7 @@ from prf.model.orientation import PLAIN, Orientation, log_normaliser
 from prf.model.window import Window
 from prf.sampler import Ensemble, mcmc_draws
 from prf.sampler.target import Execution, Target, make_chain, with_map
-from tests.driving import advance
+from tests.driving import advance_until_agreed
 from tests.reference.arak_laws import log_partition
 from tests.reference.slow_coloring import line_measure, slow_rate
 from tests.reference.worlds import World, read_world
@@ -169,12 +169,7 @@ def rank_in_world(free_space: float, number: int) -> Ranked:
         execution=Execution(resolution=0.25),
     )
     sampler = Ensemble(target, rng.spawn(2))
-    for steps in STEPS:
-        while sampler.step < steps:
-            advance(sampler)
-        rhat = max(found.rhat for found in sampler.diagnose().values() if found.state == "varies")
-        if rhat < MOST_RHAT:
-            break
+    rhat = advance_until_agreed(sampler, STEPS, MOST_RHAT)
     sample = sampler.sample()
     kept = np.linspace(0, len(sample.draws) - 1, N_DRAWS).astype(int)
     own = [*likelihoods(target, Draws.from_colorings([world.coloring]))[0], known.strength, known.angle]

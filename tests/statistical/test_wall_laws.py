@@ -14,7 +14,7 @@ from prf.model.walls import WallPrior, map_of_walls, united
 from prf.model.window import Window
 from prf.sampler import Ensemble
 from prf.sampler.target import Execution, Target, make_chain
-from tests.driving import advance
+from tests.driving import advance_until_agreed
 from tests.reference.worlds import read_world
 from tests.statistical.problems import N_BEAMS, N_SENSORS, SENSOR
 from tests.statistical.ranks import rank_of
@@ -45,7 +45,7 @@ MOST_RHAT = 1.1
 
 
 def rank_in_world(believed: float, number: int) -> World:
-    """Rank of the truth in one world; `believed` is the factor on the density of walls that the sampler is told."""
+    """Rank of the truth in one world; `believed`: factor on the density of walls in the prior of the sampler."""
     rng = np.random.default_rng([SEED, number])
     place = rng.uniform(ROOM[:2], ROOM[2:], (N_SENSORS, 2))
     while True:
@@ -59,12 +59,7 @@ def rank_in_world(believed: float, number: int) -> World:
     known = Orientation(None, None)
     target = Target(ROOM, 0.3, world.data, orientation=known, walls=told, execution=Execution(resolution=0.25))
     sampler = Ensemble(target, rng.spawn(2))
-    for steps in STEPS:
-        while sampler.step < steps:
-            advance(sampler)
-        rhat = max(found.rhat for found in sampler.diagnose().values() if found.state == "varies")
-        if rhat < MOST_RHAT:
-            break
+    rhat = advance_until_agreed(sampler, STEPS, MOST_RHAT)
     sample = sampler.sample()
     assert sample.walls is not None
     kept = np.linspace(0, len(sample.draws) - 1, N_DRAWS).astype(int)

@@ -380,8 +380,7 @@ def _of_table(lines: Sequence[str], source: str) -> _Rows | None:
             if not is_comment or (data and len(data[0][1]) == len(names)):
                 break
         elif not is_comment and not any(map(_is_number, names)):
-            poses = "Name the columns t,x,y,theta or t,x,y,z,qx,qy,qz,qw (t and z may be missing)."
-            wanted = "Point observations (x,y,value) are given as --point-data." if "value" in names else poses
+            wanted = "Name the columns t,x,y,theta or t,x,y,z,qx,qy,qz,qw (t and z may be missing)."
             raise InputError(f"{source}:{number}: the header does not name the columns of poses. {wanted}")
         if not is_comment:
             return None
