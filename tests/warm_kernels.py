@@ -42,6 +42,7 @@ CHAIN = (
     " --resolution 1 --seed 1 -o run",
 )
 REST = (
+    *(f"prf {line}" for line in prf_warm.COMMANDS["walls"]),
     *(f"mapq {line}" for line in mapq_warm.COMMANDS["classify"]),
     f"mapq segment {TOWN} -o demo.patches",
     "mapq features demo.patches --json",
