@@ -152,8 +152,8 @@ def test_a_run_takes_finer_cells_from_its_draws(folder: Path, resolution: float 
 
 
 def test_returns_are_those_of_a_beam_that_comes_to_a_cell(folder: Path, tmp_path: Path) -> None:
-    run = read_run(folder)
-    facts = export_source(folder, str(tmp_path / "met.yaml"), Options(format="ros-map", returns=True)).facts
+    run, options = read_run(folder), Options(format="ros-map", returns=True, resolution=0.2)
+    facts = export_source(folder, str(tmp_path / "met.yaml"), options).facts
     assert facts["probability"] == "p_return"
     served = map_server.load(tmp_path / "met.yaml")
     centres = pixel_centres(image_grid(run.draws.window, served.resolution))
