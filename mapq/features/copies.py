@@ -14,7 +14,8 @@ from scipy.spatial import cKDTree
 
 from mapq.configuration import FeatureSettings
 from mapq.features.shape import PatchShapes, group_means, horizontal_directions
-from mapq.kernels.copies import LayersOver, Tiles, find_tiles, layers_over, self_shifts
+from mapq.kernels.copies import self_shifts
+from mapq.kernels.layers_over import LayersOver, Tiles, find_tiles, layers_over
 from mapq.kernels.voxels import Nearby, fill_table, voxel_keys
 from mapq.patches import Patches
 
@@ -55,6 +56,7 @@ def nearby_points(patches: Patches, number: Ints, moment: Ints, to_sensor: Float
 COLUMNS = {
     "shift_support": 1,
     "shift_clear": 1,
+    "shift_others": 1,
     "shift_own": 1,
     "shift_along": 1,
     "shift_length": 0,
@@ -87,7 +89,8 @@ def copy_columns(nearby: Nearby, shapes: PatchShapes, settings: FeatureSettings)
     Patches are looked at in tiles of at most `TILE`, so that of a wall that is a copy in part, or turned, each piece is
     like its copy. Of the motion that moves the tiles about onto layers like copies best, a horizontal one that may turn
     of upright planes or a vertical one of other planes: the likeness of what it moves (support), what that is above
-    the likeness by the median motion (clear), the likeness of the tile's own layer there (own), how far the motion
+    the likeness by the median motion (clear), the support by what is no second side of the same wall or slab (others),
+    the likeness of the tile's own layer there (own), how far the motion
     moves along the normal of the tile (along) and its length, metres. A patch has the mean over its points.
     """
     step = 0.5 * shapes.tolerance(settings)
@@ -177,7 +180,7 @@ def _about(place: Floats) -> tuple[Ints, Ints]:
 
 
 def _shifts(likeness: Floats, tiles: Tiles, normal: Floats, up: Floats, size: Floats, step: float) -> Floats:
-    """Return the columns (t, 5) of the motion that explains most of what lies over the tiles about each; nan: none.
+    """Return the columns (t, 6) of the motion that explains most of what lies over the tiles about each; nan: none.
 
     `normal` (t, 3), and `size` (t,): the root of its area in metres.
     """
@@ -195,19 +198,21 @@ def _shifts(likeness: Floats, tiles: Tiles, normal: Floats, up: Floats, size: Fl
     flat /= np.maximum(np.linalg.norm(flat, axis=1), 1e-12)[:, None]
     least = NEAREST * 2 * step
     rises = np.arange(least, FARTHEST, step)
+    height = np.column_stack([tiles.centre @ up, np.zeros(len(size))])
+    sideways = (_motions(least), TURNS, flat, tiles.centre @ ground)
     # Along the vertical all level tiles face alike.
-    upwards = (np.column_stack([rises, np.zeros(len(rises))]), TURNS[:1], np.tile([1.0, 0.0], (len(size), 1)))
+    upwards = (np.column_stack([rises, np.zeros(len(rises))]), TURNS[:1], np.tile([1.0, 0.0], (len(size), 1)), height)
     found = np.full((len(size), len(COLUMNS)), np.nan)
     upright = np.abs(normal @ up) < UPRIGHT
-    for some, (motion, turn, face) in ((upright, (_motions(least), TURNS, flat)), (~upright, upwards)):
+    for some, (motion, turn, face, place) in ((upright, sideways), (~upright, upwards)):
         mine = np.flatnonzero(some & (tiles.counts > 0))
         rows = np.append(0, np.cumsum(np.diff(tiles.row)[mine]))
         layers = wide[np.isin(tile, mine)]
-        given = face[mine], (tiles.centre @ ground)[mine], size[mine], *_about(tiles.centre[mine])
-        found[mine] = self_shifts(layers, rows, step, motion, turn, *given, least)
+        given = face[mine], place[mine], size[mine], *_about(tiles.centre[mine])
+        found[mine] = self_shifts(layers, rows, step, motion, turn, *given, least, FARTHEST)
     some = tiles.counts > 0
-    found[some, 3] = _refined(found[some, 3], profile[tiles.row[:-1][some], middle:], found[some, 2], step, near)
-    found[~(found[:, 0] > 0.0), 3:] = np.nan
+    found[some, 4] = _refined(found[some, 4], profile[tiles.row[:-1][some], middle:], found[some, 3], step, near)
+    found[~(found[:, 0] > 0.0), 4:] = np.nan
     return found
 
 

@@ -26,7 +26,7 @@ from mapq.features.copies import (
 from mapq.features.disagreement import known_of, moments_of
 from mapq.features.pairs import EDGE_NAMES
 from mapq.features.shape import NODE_NAMES, PatchShapes
-from mapq.kernels.copies import RIM, layers_over
+from mapq.kernels.layers_over import RIM, layers_over
 from mapq.labels import NO_PATCH
 from mapq.patches import Patches
 from tests.mapq.factories import always_known, make_patches, moved, sample_patches, shuffled, turn, wall
@@ -212,6 +212,7 @@ class TestShift:
         assert one["shift_own"][4:].min() > 0.5
         assert one["shift_support"].max() < 0.75 * all_["shift_support"].min()
         assert one["shift_clear"].max() < 0.75 * all_["shift_clear"].min()
+        assert one["shift_others"][4:].max() < 0.1 < 0.3 < all_["shift_others"].min()
 
     @pytest.mark.parametrize("loose", [False, True])
     def test_a_rise_explains_the_copies_of_floors_and_not_those_of_walls(self, loose):
@@ -225,6 +226,7 @@ class TestShift:
         assert found["shift_along"][:2] == pytest.approx(0.6, abs=0.1)
         assert found["shift_own"][:2].min() > 0.6
         assert found["shift_own"][2:4].max() < 0.2
+        assert np.isnan(found["shift_others"][:2]).all()  # no level surface but the copies
 
 
 def test_no_patches_have_no_columns_and_coarse_noise_leaves_them_unknown():
