@@ -17,6 +17,8 @@ ROOT = Path(__file__).resolve().parent.parent
 for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
     os.environ.setdefault(name, "1")
 
+os.environ["BROWSER"] = "true"  # a page that a verb opens must not come up
+
 # A first call compiles for seconds, so no deadline; examples are derived from the test, so that a red run repeats.
 settings.register_profile("project", deadline=None, derandomize=True)
 settings.load_profile("project")

@@ -3,14 +3,6 @@
 from __future__ import annotations
 
 import logging
-import os
-import sys
-import tempfile
-import threading
-import webbrowser
-from collections.abc import Iterator
-from contextlib import contextmanager
-from html import escape
 
 import numpy as np
 
@@ -23,12 +15,10 @@ from mapq.patches import Patches
 from mapq.results.result import Result, assess
 from prf.shell.cli.console import progress
 from prf.shell.cli.run import graceful_stop
+from prf.shell.cli.server import LOOK, running
 from prf.shell.errors import ConfigError, InputError
 
 logger = logging.getLogger(__name__)
-
-LOOK = 0.2
-"""Seconds between two looks at whether to end."""
 
 
 def label_by_hand(path: str, model: Model | None = None, port: int = 0, browser: bool = True) -> dict[str, int]:
@@ -64,7 +54,8 @@ def label_by_hand(path: str, model: Model | None = None, port: int = 0, browser:
             logger.info("%s: labelling resumes after %d labels of an earlier session", path, store.n_recovered)
         server = LabelServer(Page(store, _assessed(store.patches, model, path)), port)
         with graceful_stop() as flag:
-            with _running(server, browser):
+            words = "Ctrl-C ends, every label is kept as it is set; labelling page"
+            with running(server, words, browser):
                 while not flag.requested and not server.done.wait(LOOK):
                     pass
             store.merge()
@@ -84,43 +75,3 @@ def _assessed(patches: Patches, model: Model | None, path: str) -> Result | None
             logger.warning("%s: no probabilities (%s) The largest patches are first.", path, error)
             return None
     return result if np.isfinite(result.labelling.probability).any() else None
-
-
-@contextmanager
-def _running(server: LabelServer, browser: bool) -> Iterator[None]:
-    """Answer requests as long as the block lasts."""
-    thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": LOOK}, daemon=True)
-    thread.start()
-    # The address is the result of starting, so that even -q shows it.
-    print(f"labelling page: {server.url}\nCtrl-C ends; every label is kept as it is set", file=sys.stderr, flush=True)
-    try:
-        with _shown(server.url, browser):
-            yield
-    finally:
-        server.shutdown()
-        server.server_close()
-        thread.join()
-
-
-@contextmanager
-def _shown(url: str, browser: bool) -> Iterator[None]:
-    """Open the page by way of a file that only this user can read: command lines are there for all to see."""
-    if not browser:
-        yield
-        return
-    with tempfile.TemporaryDirectory(prefix="mapq-label-") as folder:
-        file = os.path.join(folder, "label.html")
-        with open(file, "w", encoding="utf-8", opener=lambda name, flags: os.open(name, flags, 0o600)) as stream:
-            stream.write(f'<!DOCTYPE html><meta http-equiv="refresh" content="0; url={escape(url, quote=True)}">')
-        _open(f"file://{file}")
-        yield
-
-
-def _open(url: str) -> None:
-    """Open a page in a browser with windows; one in the terminal would take it over, and shows no map."""
-    try:
-        browser = webbrowser.get()
-    except webbrowser.Error:
-        return
-    if type(browser) is not webbrowser.GenericBrowser:
-        browser.open(url)

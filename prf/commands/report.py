@@ -39,14 +39,13 @@ def report(
     Without -o it is RUN.html beside the folder. With --truth it shows absolute and relative errors (ATE, RPE) of the
     trajectory that was sampled, beside what was stated.
     """
-    from prf.output.report import true_errors, write_report
+    from prf.output.report import page_beside, true_errors, write_report
     from prf.output.run import read_run
     from prf.results import names
     from prf.shell.cli.files import STREAM
-    from prf.shell.cli.outputs import beside, claim_output
+    from prf.shell.cli.outputs import claim_output
 
-    folder = Path(run) if Path(run).name.strip(".") else Path(run).resolve()
-    target = output or beside(folder, f"{folder.name}.html")
+    target = output or page_beside(run)
     inputs = [*(str(Path(run) / name) for name in names.SCHEMAS), *([truth] if truth else [])]
     claim_output(target, force, inputs=inputs, suffixes=(".html", ".htm"))
     source = read_run(run)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import logging
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -15,9 +17,12 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from pathlib import Path
 
+    from prf.api.sampling import Watch
     from prf.api.science import ReadingKind, Source
     from prf.output.run import Run
     from prf.results.disputes import Dispute
+
+logger = logging.getLogger(__name__)
 
 EXAMPLES = (
     "prf sample --laser data/demo-office.log.gz -o office --time-budget 30",
@@ -32,6 +37,9 @@ Extend = Annotated[
 ]
 Forget = Annotated[
     bool, typer.Option("--forget", help="Let readings of that run go where its draws agree; what remains stands in.")
+]
+View = Annotated[
+    bool, typer.Option("--view", help="Show the report in a browser while the run goes; RUN.html keeps it.")
 ]
 Scheduler = Annotated[
     str | None,
@@ -62,6 +70,7 @@ def sample(
     seed: Seed = None,
     threads: Threads = 0,
     scheduler: Scheduler = None,
+    view: View = False,
     force: Force = False,
     json: Json = False,
 ) -> None:
@@ -71,6 +80,9 @@ def sample(
     what was seen, R-hat < 1.2 for the rest), or after 30 minutes, saying that they do not. Ctrl-C keeps what was
     sampled; --resume continues from there, and gives the same draws as a run that was never stopped. --extend goes on
     with more readings, in a run of its own whose law is that of one on all of them.
+
+    --view serves the page of prf report on this machine alone, with the draws and the agreement so far, and opens it in
+    a browser; the address is on standard error. When the run ends, the page is RUN.html beside the run.
     """
     from prf.api.sampling import resume as continue_run
     from prf.api.sampling import sample as draw
@@ -84,14 +96,49 @@ def sample(
     how: dict[str, Any] = {"steps": steps, "seconds": time_budget, "threads": threads, "scheduler": scheduler}
     how |= {"seed": seed, "on_interrupt": "raise"}
     _check_extension(extend, forget, resume, folder)
-    if resume is not None:
-        run = continue_run(folder, requested=settings, logs=logs, **how)
-    else:
-        sources: dict[ReadingKind, Sequence[Source]] = {
-            name: logs[flag] for name, flag in SOURCES.items() if flag in logs
-        }
-        run = draw(sources, config=settings, output=folder, force=force, extend=extend, forget=forget, **how)
-    _report(run, folder, json, steps if resume is None else None)
+    with _viewed(folder, view, force or resume is not None) as (watch, page):
+        how["watch"] = watch
+        if resume is not None:
+            run = continue_run(folder, requested=settings, logs=logs, **how)
+        else:
+            sources: dict[ReadingKind, Sequence[Source]] = {
+                name: logs[flag] for name, flag in SOURCES.items() if flag in logs
+            }
+            run = draw(sources, config=settings, output=folder, force=force, extend=extend, forget=forget, **how)
+    _report(run, folder, page, json, steps if resume is None else None)
+
+
+@contextmanager
+def _viewed(folder: Path, wanted: bool, replace: bool) -> Iterator[tuple[Watch | None, str | None]]:
+    """Show the run that the block makes in a browser, and leave its page; give what watches it and where that will be.
+
+    A run that Ctrl-C ends leaves its page too; one without draws leaves none.
+    """
+    if not wanted:
+        yield None, None
+        return
+    from prf.output.report import LiveReport, page_beside, write_report
+    from prf.output.run import read_run
+    from prf.shell.cli.outputs import claim_output
+    from prf.shell.errors import Interrupted
+
+    path = page_beside(folder)
+    claim_output(path, replace)
+
+    def leave() -> None:
+        run = read_run(folder)
+        if len(run.draws) and run.image is not None:
+            logger.info("making the whole page ...")
+            write_report(path, run)
+            report.finish(path)
+
+    with LiveReport() as report:
+        try:
+            yield lambda session: report.update(session.run), path
+        except Interrupted:
+            leave()
+            raise
+        leave()
 
 
 def _check_extension(extend: str | None, forget: bool, resume: str | None, folder: Path) -> None:
@@ -132,8 +179,8 @@ def _folder(logs: dict[str, list[str]], output: str | None, resume: str | None) 
     return Path(output) if output is not None else default_output(next(iter(logs.values()))[0])
 
 
-def _report(run: Run, folder: Path, json: bool, asked_steps: int | None) -> None:
-    """Print what came of it; `asked_steps` may be fewer than whole rounds have."""
+def _report(run: Run, folder: Path, page: str | None, json: bool, asked_steps: int | None) -> None:
+    """Print what came of it; `asked_steps` may be fewer than whole rounds have. `page`: that was left beside it."""
     from prf.shell.cli import console, storage
 
     assert run.diagnostics is not None
@@ -166,11 +213,13 @@ def _report(run: Run, folder: Path, json: bool, asked_steps: int | None) -> None
     if json:
         storage.emit_object("prf.sample/1", result)
         return
-    for line in _summary(run, folder, asked_steps, disputes):
+    for line in _summary(run, folder, page, asked_steps, disputes):
         console.summarize(line)
 
 
-def _summary(run: Run, folder: Path, asked_steps: int | None, disputes: list[Dispute]) -> Iterator[str]:
+def _summary(
+    run: Run, folder: Path, page: str | None, asked_steps: int | None, disputes: list[Dispute]
+) -> Iterator[str]:
     """Yield for a person what was mapped, whether the chains agree, what to do about it, and what to open."""
     import shlex
 
@@ -203,7 +252,9 @@ def _summary(run: Run, folder: Path, asked_steps: int | None, disputes: list[Dis
     yield f"picture   {folder}/posterior.png"
     if run.best:
         yield f"best map  {folder}/map.geojson"
-    yield f"run       {folder}/; as one page: prf report {shlex.quote(str(folder))}"
+    yield f"run       {folder}/" + ("" if page else f"; as one page: prf report {shlex.quote(str(folder))}")
+    if page:
+        yield f"page      {page}"
 
 
 def _building(building: dict[str, float]) -> str:

@@ -162,7 +162,7 @@ def test_strangers_are_refused(browser, saved, running, tmp_path):
         "no token": f"fetch('{address}api/state').then(a => a.status, () => 'blocked')",
         "blind": f"fetch('{address}api/label', {{method: 'POST', mode: 'no-cors', "
         "body: JSON.stringify({patch: 1, label: 'suspicious'})}).then(a => a.type, () => 'blocked')",
-        "with the token": f"fetch('{address}api/state', {{headers: {{'X-Mapq-Token': '{server.token}'}}}})"
+        "with the token": f"fetch('{address}api/state', {{headers: {{'X-Page-Token': '{server.token}'}}}})"
         ".then(a => a.status, () => 'blocked')",
         "page": f"fetch('{address}?token={server.token}').then(a => a.text(), () => 'blocked')",
     }

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import re
 
 import numpy as np
 import pytest
 
 from prf.model.coloring import black_at
-from prf.output.report import write_report
+from prf.output.report import live, write_report
+from prf.output.report.embedded import thinned
 from tests.factories import make_trajectory
 from tests.output.report.test_page import WINDOW, slow_run
 
@@ -182,3 +184,46 @@ def test_two_fingers_zoom_and_ask_nothing(phone, report):
     phone.wait_for_timeout(100)
     assert phone.evaluate("document.getElementById('map').toDataURL()") != before
     assert phone.locator("#where").input_value() == ""
+
+
+def test_distances_are_measured_by_clicks_keys_and_numbers(opened):
+    opened.click("[data-tool=length]")
+    box = opened.locator("#map").bounding_box()
+    middle = (box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    opened.mouse.click(*middle)
+    assert "a second place" in opened.locator("#answer").inner_text()
+    opened.mouse.click(middle[0] + 90, middle[1] + 120)
+    (x, y), (a, b) = ([float(value) for value in pair.split(",")] for pair in opened.input_value("#where").split(";"))
+    assert float(opened.locator("#total").inner_text().split()[0]) == pytest.approx(np.hypot(a - x, b - y), abs=0.006)
+    opened.fill("#where", "0, 9999; 3, 9999; 3, 9995")
+    opened.keyboard.press("Enter")
+    assert opened.locator("#answer").inner_text() == "7.00 m along 2 legs, the last of 4.00 m"
+    opened.focus("#map")
+    opened.keyboard.press("Backspace")
+    assert opened.locator("#total").inner_text() == "3.00 m"
+    opened.keyboard.press("Enter")
+    assert opened.locator("#where").input_value().count(";") == 2
+
+
+def test_a_page_follows_a_run_under_way_and_keeps_what_was_asked(page, run, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(live, "EVERY", 0.0)
+    monkeypatch.setattr(live, "SHARE", float("inf"))
+    early = dataclasses.replace(thinned(run, 4), trajectory=None)
+    with live.LiveReport(browser=False) as report:
+        report.update(lambda: early)
+        report._making.result()
+        page.goto(re.search(r"http://\S+", capsys.readouterr().err)[0])
+        page.wait_for_selector("body[data-ready]")
+        assert page.locator("#places").is_hidden()
+        before = asked(page, "0, 9999")
+        page.focus("#map")
+        page.keyboard.press("+")
+        report.update(lambda: run)
+        page.locator("#draw[max='159']").wait_for()
+        assert page.input_value("#where") == "0, 9999"
+        assert answer(page) != before
+        assert answer(page)[0] == pytest.approx(run.query([[0.0, 9999.0]], interval=True).probability[0], abs=1e-3)
+        write_report(str(tmp_path / "run.html"), run, "Whole")
+        report.finish(str(tmp_path / "run.html"))
+    page.get_by_text("The run has ended; this page is complete.").wait_for()
+    assert answer(page)[0] == pytest.approx(run.query([[0.0, 9999.0]], interval=True).probability[0], abs=1e-3)

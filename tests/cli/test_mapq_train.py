@@ -149,7 +149,7 @@ class Running:
         raise AssertionError("no address")
 
     def post(self, path: str, content: dict) -> dict:
-        headers = {"Content-Type": "application/json", "X-Mapq-Token": self.token}
+        headers = {"Content-Type": "application/json", "X-Page-Token": self.token}
         request = urllib.request.Request(self.url.partition("?")[0] + path, json.dumps(content).encode(), headers)
         with urllib.request.urlopen(request, timeout=30) as answer:
             return json.load(answer)

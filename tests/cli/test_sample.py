@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -17,6 +18,7 @@ from prf.model.coloring import violations
 from prf.output.run import read_run
 from prf.sampler import ensemble
 from tests.cli.calls import prf
+from tests.output.report.test_live import address_in, get
 
 TEMPERATURES = ("--set", "sampler.temperatures=3")
 LOWEST = "sampler.lowest_inverse_temperature"
@@ -300,3 +302,32 @@ def test_the_maximum_range_is_that_of_the_whole_log(tmp_path: Path) -> None:
     found = read_run(folder).manifest
     assert found["configuration"]["max_range"] == pytest.approx(0.97 * 40.0)
     assert (found["n_beams"], found["n_outside"]) == (2, 0)
+
+
+def test_a_viewed_run_serves_its_page_and_leaves_it_beside(
+    log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    args = ["sample", "--laser", str(log), *QUICK, "--seed", "1", "-o", str(tmp_path / "run"), "--view"]
+    process = subprocess.Popen(
+        [sys.executable, "-m", "prf", *args, "--time-budget", "300"],
+        stderr=subprocess.PIPE,
+        text=True,
+        env=os.environ | {"BROWSER": "true"},
+    )
+    assert process.stderr is not None
+    line = process.stderr.readline()
+    while "page of the run" not in line:
+        line = process.stderr.readline()
+    address = address_in(line)
+    assert "Under way" in get(address)[1]
+    while get(address, "/after/1")[0] != 200:
+        time.sleep(0.2)
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=120)
+    assert process.returncode == 130, errors
+    page = (tmp_path / "run.html").read_text()
+    assert "connect-src" not in page
+    assert "Under way" not in page
+    shutil.rmtree(tmp_path / "run")
+    assert prf(*args) == 4
+    assert "run.html already exists. Use --force" in capsys.readouterr().err

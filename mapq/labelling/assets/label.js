@@ -21,7 +21,7 @@
   const token = new URLSearchParams(location.search).get("token") || "";
 
   async function ask(path, given) {
-    const options = { headers: { "X-Mapq-Token": token }, cache: "no-store" };
+    const options = { headers: { "X-Page-Token": token }, cache: "no-store" };
     if (given) {
       options.method = "POST";
       options.headers["Content-Type"] = "application/json";

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,6 +22,7 @@ from prf.results.convergence import Diagnosis, range_words, time_words
 from prf.results.disputes import disputes
 from prf.results.explore import explore
 from prf.shell.cli.files import encoded, open_output
+from prf.shell.cli.outputs import beside
 from prf.shell.cli.page import escape, packed_json, page, table
 from prf.shell.cli.pictures import counted, number, window_words
 from prf.shell.errors import InputError
@@ -34,15 +37,31 @@ def write_report(path: str, run: RunData, title: str | None = None, truth: TrueE
     the run has no draws, or no image yet.
     Returns its size in bytes, and how many draws are in it.
     """
+    text, n_embedded, _ = report_document(run, title, truth)
+    with open_output(path) as stream:
+        stream.write(text)
+    return len(encoded(text)), n_embedded
+
+
+def report_document(
+    run: RunData, title: str | None = None, truth: TrueErrors | None = None, edition: int = 0
+) -> tuple[str, int, str]:
+    """Return the report as :func:`write_report` writes it, how many draws are in it, and its content security policy.
+
+    `edition`: number of a page of a run under way, which asks for the next one (:mod:`prf.output.report.live`), and
+    has neither returns nor places to look from.
+    """
     if len(run.draws) == 0:
         raise InputError(f"{run.name}: no draws yet, so there is nothing to report. Resume with prf sample --resume.")
     if run.image is None:
         raise run.missing(names.POSTERIOR)
     kept, draws = fitting(run)
-    cells, scene = pack_image(run.image, returned(run, run.image.resolution)), pack_scene(run)
+    returns = None if edition else returned(run, run.image.resolution)  # as the places to look from: dear to find
+    cells, scene = pack_image(run.image, returns), pack_scene(run)
     content = {
         "title": escape(title or title_of(run)),
         "run": escape(run.name),
+        "state": _state(run) if edition else "",
         "headline": headline(run),
         "agreement": " ".join(filter(None, (agreement_line(run), trajectory_line(run), dispute_line(run)))),
         "plan": plan_section(run),
@@ -52,18 +71,17 @@ def write_report(path: str, run: RunData, title: str | None = None, truth: TrueE
         "settings": settings_table(run),
         "aspect": f"{run.draws.window.height / run.draws.window.width:.3f}",
         "share": _share(len(kept.draws), len(run.draws)),
-        "data": packed_json(_data(run, draws, cells, scene)),
+        "data": packed_json({"edition": edition, **_data(run, draws, cells, scene, edition > 0)}),
         "draws": draws.text,
         "cells": cells.text,
         "scene": scene.text,
     }
-    text = page("prf.output.report", "report", content, [("prf.output.report", script) for script in SCRIPTS])[0]
-    with open_output(path) as stream:
-        stream.write(text)
-    return len(encoded(text)), len(kept.draws)
+    scripts = [("prf.output.report", script) for script in SCRIPTS]
+    text, policy = page("prf.output.report", "report", content, scripts, "; connect-src 'self'" if edition else "")
+    return text, len(kept.draws), policy
 
 
-def _data(run: RunData, draws: Numbers, cells: Numbers, scene: Numbers) -> dict[str, Any]:
+def _data(run: RunData, draws: Numbers, cells: Numbers, scene: Numbers, is_live: bool) -> dict[str, Any]:
     window = run.draws.window
     return {
         "name": run.name,
@@ -73,8 +91,14 @@ def _data(run: RunData, draws: Numbers, cells: Numbers, scene: Numbers) -> dict[
         "cells": cells.head,
         "scene": scene.head,
         "map": _best_map(run),
-        "places": places_of(run),
+        "places": [] if is_live else places_of(run),
     }
+
+
+def page_beside(run: str | os.PathLike[str]) -> str:
+    """Return where the report on the run in a directory goes when nobody says."""
+    folder = Path(run) if Path(run).name.strip(".") else Path(run).resolve()
+    return beside(folder, f"{folder.name}.html")
 
 
 def places_of(run: RunData) -> list[dict[str, float]]:
@@ -100,6 +124,13 @@ def _share(n_embedded: int, n_draws: int) -> str:
     if n_embedded == n_draws:
         return f"all {n_draws:,} draws of the run, as prf query"
     return f"{n_embedded:,} of the {n_draws:,} draws, evenly thinned to keep the page small; prf query uses all"
+
+
+def _state(run: RunData) -> str:
+    """Return how far a run under way is."""
+    made = run.manifest
+    done = f"{made.get('steps') or 0:,} steps a chain in {time_words(made.get('seconds') or 0.0)}"
+    return f"Under way: {done}; this page follows. Returns and where to look next come at the end."
 
 
 def title_of(run: RunData) -> str:

@@ -32,7 +32,7 @@ def serving(path: str, with_model: bool = True) -> Iterator[tuple[LabelServer, S
 
 def ask(server: LabelServer, method: str, path: str, body: Any = None, **headers: str | None) -> tuple[int, Any, Any]:
     """Return status, headers and body of a request that has the token, but for headers given (None: left out)."""
-    sent: dict[str, str | None] = {"X-Mapq-Token": server.token}
+    sent: dict[str, str | None] = {"X-Page-Token": server.token}
     if body is not None:
         sent["Content-Type"] = "application/json"
     sent |= {name.replace("_", "-"): value for name, value in headers.items()}

@@ -11,6 +11,7 @@ from mapq.labelling.page import Page
 from mapq.labelling.server import LabelServer
 from mapq.labelling.store import open_store
 from mapq.labels import PLAUSIBLE, UNLABELLED
+from prf.shell.cli.server import PageHandler
 from prf.shell.errors import UsageError
 from tests.mapq.labelled import draw_patches
 from tests.mapq.labelling.pages import ask, serving
@@ -42,11 +43,11 @@ def strangers(server):
     """Return headers of requests that are none of the page's."""
     port = server.server_port
     return [
-        {"X_Mapq_Token": None},
-        {"X_Mapq_Token": ""},
-        {"X_Mapq_Token": server.token[:-1]},
-        {"X_Mapq_Token": server.token + "x"},
-        {"X_Mapq_Token": "ü"},
+        {"X_Page_Token": None},
+        {"X_Page_Token": ""},
+        {"X_Page_Token": server.token[:-1]},
+        {"X_Page_Token": server.token + "x"},
+        {"X_Page_Token": "ü"},
         {"Host": "evil.example"},
         {"Host": f"evil.example:{port}"},
         {"Host": "127.0.0.1"},
@@ -75,7 +76,7 @@ def test_strangers_read_nothing_and_write_nothing(served, path, method, where, b
 @pytest.mark.parametrize("where", ["/", "/?token=", "/?token=wrong", "/index.html", "/api/state?token={token}"])
 def test_the_page_itself_needs_the_token_and_the_rest_its_header(served, where):
     server, _ = served
-    assert ask(server, "GET", where.format(token=server.token), X_Mapq_Token=None)[0] == 403
+    assert ask(server, "GET", where.format(token=server.token), X_Page_Token=None)[0] == 403
 
 
 def test_other_hosts_and_origins_do_not_get_the_page(served):
@@ -86,7 +87,7 @@ def test_other_hosts_and_origins_do_not_get_the_page(served):
 
 def test_the_page_comes_with_rules_of_its_own(served):
     server, _ = served
-    status, headers, content = ask(server, "GET", f"/?token={server.token}", X_Mapq_Token=None)
+    status, headers, content = ask(server, "GET", f"/?token={server.token}", X_Page_Token=None)
     assert status == 200
     assert b"<title>Labelling a.patches</title>" in content
     policy = headers["Content-Security-Policy"]
@@ -102,7 +103,7 @@ def test_the_page_comes_with_rules_of_its_own(served):
 @pytest.mark.parametrize("method", ["OPTIONS", "PUT", "DELETE", "PATCH", "HEAD"])
 def test_no_other_method_does_anything(served, method):
     server, _ = served
-    assert ask(server, method, "/api/label", X_Mapq_Token=None)[0] == 403
+    assert ask(server, method, "/api/label", X_Page_Token=None)[0] == 403
     status, headers, _ = ask(server, method, "/api/label")
     assert status == 405
     assert "Access-Control-Allow-Origin" not in headers
@@ -191,8 +192,8 @@ def test_it_is_over_when_the_page_has_its_answer_and_not_before(tmp_path, monkey
             sent.append(server.done.is_set())
             original(handler, *answer)
 
-        original = server.RequestHandlerClass._send
-        monkeypatch.setattr(server.RequestHandlerClass, "_send", send)
+        original = PageHandler.send
+        monkeypatch.setattr(PageHandler, "send", send)
         assert ask(server, "POST", "/api/finish", {})[0] == 200
         assert server.done.wait(60.0)
         assert sent == [False]

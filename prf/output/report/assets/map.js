@@ -1,19 +1,10 @@
 "use strict";
 // The map on a canvas. look: { base: "posterior" | "returns" | "draw" | "best", draw, outline, path, ellipses, given,
-// readings, differs, places: bool, tool: "point" | "path", corners: [[x, y]...], radius }
+// readings, differs, places: bool, tool: "point" | "path" | "length", corners: [[x, y]...], radius }
 Prf.Map = class {
-  constructor(canvas, data, draws, cells, scene, look, onPick) {
-    Object.assign(this, { canvas, window: data.window, step: data.step, draws, scene, look, onPick });
-    this.places = data.places;
-    this.density = window.devicePixelRatio || 1;
-    this.cells = data.cells;
-    const n = this.cells.nx * this.cells.ny;
-    this.occupancy = cells.subarray(0, n);
-    this.difference = cells.subarray(n, 2 * n);
-    this.seen = cells.subarray(2 * n, 3 * n);
-    this.returns = cells.subarray(3 * n);
-    this.best = data.map ? this.polygons(JSON.parse(data.map).geometry.coordinates) : null;
-    this.paint();
+  constructor(canvas, content, look, onPick) {
+    Object.assign(this, { canvas, look, onPick, density: window.devicePixelRatio || 1 });
+    this.set(...content);
     this.show();
     new ResizeObserver(() => (this.fitted ? this.show(this.fitted) : this.draw())).observe(canvas);
     Canvas.gestures(canvas, {
@@ -26,6 +17,17 @@ Prf.Map = class {
       this.paint();
       this.draw();
     });
+  }
+  set(data, draws, cells, scene) {
+    Object.assign(this, { window: data.window, step: data.step, places: data.places, cells: data.cells, draws, scene });
+    const n = this.cells.nx * this.cells.ny;
+    this.occupancy = cells.subarray(0, n);
+    this.difference = cells.subarray(n, 2 * n);
+    this.seen = cells.subarray(2 * n, 3 * n);
+    this.returns = cells.subarray(3 * n);
+    this.best = data.map ? this.polygons(JSON.parse(data.map).geometry.coordinates) : null;
+    this.drawn = null;
+    this.paint();
   }
   polygons(coordinates) {
     const path = new Path2D();
@@ -74,6 +76,10 @@ Prf.Map = class {
   where(px, py) {
     const [wide, high] = this.size();
     return [this.middle[0] + (px - wide / 2) / this.scale, this.middle[1] - (py - high / 2) / this.scale];
+  }
+  onCanvas([x, y]) {
+    const factor = this.scale * this.density;
+    return [this.canvas.width / 2 + (x - this.middle[0]) * factor, this.canvas.height / 2 - (y - this.middle[1]) * factor];
   }
   zoom(factor, px = this.size()[0] / 2, py = this.size()[1] / 2) {
     const before = this.where(px, py);
@@ -132,16 +138,9 @@ Prf.Map = class {
     pen.strokeStyle = Theme.colour("rim");
     pen.strokeRect(0, 0, wide, high);
     pen.resetTransform();
-    if (canvas.matches(":focus-visible")) this.drawCross(pen);
+    if (canvas.matches(":focus-visible")) Canvas.cross(pen, this.density);
     Canvas.axes(pen, this.middle, this.scale, this.density);
     Canvas.scaleBar(pen, this.scale, this.density);
-  }
-  // Where Enter asks.
-  drawCross(pen) {
-    const [x, y, arm, width] = [this.canvas.width / 2, this.canvas.height / 2, 9 * this.density, 2 * this.density];
-    pen.fillStyle = Theme.colour("question");
-    pen.fillRect(x - arm, y - width / 2, 2 * arm, width);
-    pen.fillRect(x - width / 2, y - arm, width, 2 * arm);
   }
   area(draw) {
     if (this.drawn?.draw !== draw) this.drawn = { draw, path: this.draws.area(draw) };
@@ -226,8 +225,7 @@ Prf.Map = class {
   }
   // An arrow along the heading from each place to look from, as long on the screen at every zoom, and its gain.
   drawPlaces(pen) {
-    const factor = this.scale * this.density,
-      unit = this.density;
+    const unit = this.density;
     pen.save();
     pen.lineJoin = pen.lineCap = "round";
     pen.font = `bold ${13 * unit}px system-ui, sans-serif`;
@@ -235,7 +233,7 @@ Prf.Map = class {
     pen.textBaseline = "middle";
     this.places.forEach(({ x, y, theta, gain }, rank) => {
       pen.resetTransform();
-      pen.translate(this.canvas.width / 2 + (x - this.middle[0]) * factor, this.canvas.height / 2 - (y - this.middle[1]) * factor);
+      pen.translate(...this.onCanvas([x, y]));
       pen.rotate(-theta);
       pen.strokeStyle = "#ffffff";
       pen.fillStyle = Theme.colour("good");
@@ -264,6 +262,10 @@ Prf.Map = class {
   drawQuestion(pen) {
     const { corners, radius, tool } = this.look;
     if (!corners.length) return;
+    if (tool === "length") {
+      pen.resetTransform();
+      return Canvas.measure(pen, corners.map((corner) => this.onCanvas(corner)), Canvas.legsOf(corners), this.density);
+    }
     const pixel = this.toPixels(pen),
       isPath = tool === "path";
     pen.lineJoin = pen.lineCap = "round";

@@ -1,27 +1,32 @@
 "use strict";
 (async () => {
+  const LAYERS = ["outline", "path", "ellipses", "given", "readings", "differs", "places"];
   const { byId, choice, element, figure, press } = Page;
-  const [data, drawn, cells, numbers] = await Promise.all([
-    Page.unpackJson("data"),
-    Page.unpack("draws"),
-    Page.unpack("cells"),
-    Page.unpack("scene"),
-  ]);
-  const draws = new Prf.Draws(data.draws, drawn, data.window, data.step),
-    whole = Prf.whole(numbers),
-    scene = {};
-  let place = 0;
-  for (const [name, size] of Object.entries(data.scene)) scene[name] = whole.subarray(place, (place += size));
   const look = { base: "posterior", draw: 0, tool: "point", corners: [], radius: 0.25 };
+  let data, draws, scene, order;
+  // Takes the content of a page: of this one, or of a later one of a run under way.
+  async function take(page) {
+    const [head, drawn, cells, numbers] = await Promise.all([
+      Page.unpackJson("data", page),
+      ...["draws", "cells", "scene"].map((id) => Page.unpack(id, page)),
+    ]);
+    data = head;
+    draws = new Prf.Draws(data.draws, drawn, data.window, data.step);
+    const whole = Prf.whole(numbers);
+    let place = 0;
+    scene = {};
+    for (const [name, size] of Object.entries(data.scene)) scene[name] = whole.subarray(place, (place += size));
+    // Neighbours on the slider are draws of different chains.
+    order = [...Array(draws.n).keys()].sort(
+      (a, b) => a - draws.starts[draws.chainOf(a)] - (b - draws.starts[draws.chainOf(b)]) || a - b,
+    );
+    return [data, draws, new Uint8Array(cells), scene];
+  }
+  const content = await take(document);
   // A path that was sampled is what to look at.
   byId("path").checked ||= scene.given.length > 0;
-  for (const name of ["outline", "path", "ellipses", "given", "readings", "differs", "places"]) look[name] = byId(name).checked;
-
-  // Neighbours on the slider are draws of different chains.
-  const order = [...Array(draws.n).keys()].sort(
-    (a, b) => a - draws.starts[draws.chainOf(a)] - (b - draws.starts[draws.chainOf(b)]) || a - b,
-  );
-  const map = new Prf.Map(byId("map"), data, draws, new Uint8Array(cells), scene, look, pick);
+  for (const name of LAYERS) look[name] = byId(name).checked;
+  const map = new Prf.Map(byId("map"), content, look, pick);
 
   // ---- what is shown
   function show(base, position = +byId("draw").value) {
@@ -50,37 +55,40 @@
     byId("play").textContent = on ? "❚❚" : "▶";
   }
   byId("play").addEventListener("click", () => play(!timer));
-  byId("draw").max = draws.n - 1;
   byId("draw").addEventListener("input", () => show("draw"));
   const pressBase = choice("base", (base) => {
     play(false);
     show(base);
   });
-  const has = {
-    outline: scene.best.length,
-    path: scene.path.length,
-    ellipses: scene.ellipses.length,
-    given: scene.given.length,
-    readings: scene.returns.length + scene.arcs.length + scene.points.length,
-    differs: map.difference.some((_, cell) => map.differs(cell)),
-    places: data.places.length,
-  };
-  for (const name of Object.keys(has)) {
-    byId(name).parentElement.hidden = !has[name];
+  for (const name of LAYERS)
     byId(name).addEventListener("change", () => {
       look[name] = byId(name).checked;
       map.draw();
     });
+  // What there is to show and to choose from.
+  function offer() {
+    const has = {
+      outline: scene.best.length,
+      path: scene.path.length,
+      ellipses: scene.ellipses.length,
+      given: scene.given.length,
+      readings: scene.returns.length + scene.arcs.length + scene.points.length,
+      differs: map.difference.some((_, cell) => map.differs(cell)),
+      places: data.places.length,
+    };
+    for (const name of LAYERS) byId(name).parentElement.hidden = !has[name];
+    byId("draw").max = draws.n - 1;
+    byId("geojson").disabled = document.querySelector("[data-base=best]").disabled = !map.best;
+    document.querySelector("[data-base=returns]").hidden = !data.cells.square;
   }
   byId("whole").addEventListener("click", () => map.show());
-  choice("place", (place) => {
-    const [x, y, side] = place.split(",").map(Number),
+  document.addEventListener("click", ({ target }) => {
+    if (!target.dataset?.place) return;
+    const [x, y, side] = target.dataset.place.split(",").map(Number),
       reach = Math.max(1.5, 2 * side);
     map.show([x - reach, y - reach, x + reach, y + reach]);
     byId("map").scrollIntoView({ block: "nearest" });
   });
-  byId("geojson").disabled = document.querySelector("[data-base=best]").disabled = !map.best;
-  document.querySelector("[data-base=returns]").hidden = !data.cells.square;
   byId("geojson").addEventListener("click", () =>
     Page.save(`${data.name}.geojson`, new Blob([data.map], { type: "application/geo+json" })),
   );
@@ -89,25 +97,30 @@
   // ---- questions
   const note = { class: "note" },
     metres = (value) => String(+value.toFixed(3)),
-    asPath = () => look.tool === "path";
+    asPath = () => look.tool === "path",
+    isLine = () => look.tool !== "point";
+  const HINTS = {
+    point: "Click the map, or give x, y in metres",
+    path: "Click the corners of the path, or give them: x, y; x, y",
+    length: "Click two places or more, or give them: x, y; x, y",
+  };
   function tool(name) {
     look.tool = name;
-    if (!asPath()) look.corners = look.corners.slice(-1);
+    if (!isLine()) look.corners = look.corners.slice(-1);
     pressTool(name);
-    byId("disc").hidden = byId("drawing").hidden = !asPath();
-    byId("hint").textContent = asPath()
-      ? "Click the corners of the path, or give them: x, y; x, y"
-      : "Click the map, or give x, y in metres";
+    byId("disc").hidden = !asPath();
+    byId("drawing").hidden = !isLine();
+    byId("hint").textContent = HINTS[name];
     ask(true);
   }
   function pick(point) {
-    look.corners = asPath() ? [...look.corners, point] : [point];
+    look.corners = isLine() ? [...look.corners, point] : [point];
     ask(true);
   }
   // written: whether the field of coordinates is to follow the map.
   function ask(written) {
     if (written) byId("where").value = look.corners.map((point) => point.map(metres).join(", ")).join("; ");
-    look.corners = parsed(byId("where").value).slice(asPath() ? 0 : -1);
+    look.corners = parsed(byId("where").value).slice(isLine() ? 0 : -1);
     byId("metres").textContent = figure(look.radius, 2, " m");
     byId("undo").disabled = byId("clear").disabled = !look.corners.length;
     map.draw();
@@ -118,7 +131,15 @@
     const pairs = text.split(/[;\n]/).map((pair) => pair.trim().split(/[\s,]+/).map(Number));
     return pairs.every((pair) => pair.length === 2 && pair.every(Number.isFinite)) ? pairs : [];
   }
+  function length() {
+    const legs = Canvas.legsOf(look.corners);
+    if (!legs.length) return [element("p", "From here; a second place gives the distance.", note)];
+    const total = legs.reduce((sum, leg) => sum + leg, 0),
+      words = legs.length > 1 ? ` along ${legs.length} legs, the last of ${figure(legs.at(-1), 2)} m` : " from place to place";
+    return [element("p", [element("strong", figure(total, 2, " m"), { id: "total" }), words])];
+  }
   function answer() {
+    if (look.tool === "length") return length();
     if (!look.corners.every((point) => draws.inside(point)))
       return [element("p", "Outside the window: nothing is known there.")];
     const event = asPath() ? draws.clearAlong(look.corners, look.radius) : draws.blackAt(look.corners[0]),
@@ -175,13 +196,36 @@
   });
   byId("map").addEventListener("keydown", (event) => {
     if (event.key === "Enter" || event.key === " ") pick(map.middle);
-    else if (event.key === "Backspace" && asPath()) byId("undo").click();
+    else if (event.key === "Backspace" && isLine()) byId("undo").click();
     else if (event.key === "0") map.show();
     else return;
     event.preventDefault();
   });
 
+  // ---- a run under way
+  async function follow() {
+    const headers = { "X-Page-Token": new URLSearchParams(location.search).get("token") };
+    while (data.edition) {
+      await new Promise((done) => setTimeout(done, 2000));
+      const answer = await fetch(`after/${data.edition}`, { headers }).catch(() => null);
+      if (!answer) return tell("The program that made this page has ended, and the page stays as it was.");
+      if (answer.status === 200) await renew(new DOMParser().parseFromString(await answer.text(), "text/html"));
+    }
+    tell("The run has ended; this page is complete.");
+  }
+  const tell = (words) => (document.querySelector("[data-live=state]").textContent = words);
+  async function renew(page) {
+    map.set(...(await take(page)));
+    for (const part of document.querySelectorAll("[data-live]"))
+      part.replaceChildren(...page.querySelector(`[data-live=${part.dataset.live}]`).childNodes);
+    offer();
+    show(look.base, Math.min(+byId("draw").value, draws.n - 1));
+    ask(false);
+  }
+
+  offer();
   show("posterior", 0);
   tool("point");
   document.body.dataset.ready = "yes";
+  if (data.edition) follow();
 })();

@@ -12,14 +12,14 @@ const Canvas = (() => {
     (+value.toPrecision(8)).toLocaleString("en", { maximumFractionDigits: 6 }).replace("-", "−");
 
   // Words on a canvas, with the colour of the paper round them.
-  function label(pen, text, x, y, density) {
-    pen.font = `${11 * density}px system-ui, sans-serif`;
+  function label(pen, text, x, y, density, size = 11, ink = "map-soft") {
+    pen.font = `${size * density}px system-ui, sans-serif`;
     pen.textBaseline = "alphabetic";
     pen.lineJoin = "round";
     pen.lineWidth = 3 * density;
     pen.strokeStyle = Theme.colour("map-free");
     pen.strokeText(text, x, y);
-    pen.fillStyle = Theme.colour("map-soft");
+    pen.fillStyle = Theme.colour(ink);
     pen.fillText(text, x, y);
   }
   // Ticks at the lower and the left side; scale: pixels of the screen a metre.
@@ -51,6 +51,39 @@ const Canvas = (() => {
     pen.fillStyle = Theme.colour("map-ink");
     pen.fillRect(left, 18 * density, long, 3 * density);
   }
+
+  // The length of each leg of a line through places in pixels; lengths in metres.
+  function measure(pen, places, lengths, density) {
+    pen.save();
+    pen.lineJoin = pen.lineCap = "round";
+    for (const [width, colour] of [[4.5, "map-free"], [2, "question"]]) {
+      pen.lineWidth = width * density;
+      pen.strokeStyle = pen.fillStyle = Theme.colour(colour);
+      pen.beginPath();
+      for (const [x, y] of places) pen.lineTo(x, y);
+      pen.stroke();
+      for (const [x, y] of places) {
+        pen.beginPath();
+        pen.arc(x, y, (1.5 + width / 2) * density, 0, 7);
+        pen.fill();
+      }
+    }
+    pen.textAlign = "center";
+    lengths.forEach((length, i) => {
+      const [x, y] = [0, 1].map((axis) => (places[i][axis] + places[i + 1][axis]) / 2);
+      label(pen, `${Page.figure(length, 2)} m`, x, y - 6 * density, density, 13, "map-ink");
+    });
+    pen.restore();
+  }
+  // The middle of a canvas, where Enter acts.
+  function cross(pen, density) {
+    const [x, y, arm, width] = [pen.canvas.width / 2, pen.canvas.height / 2, 9 * density, 2 * density];
+    pen.fillStyle = Theme.colour("question");
+    pen.fillRect(x - arm, y - width / 2, 2 * arm, width);
+    pen.fillRect(x - width / 2, y - arm, width, 2 * arm);
+  }
+  const legsOf = (points) =>
+    points.slice(1).map((point, i) => Math.hypot(...point.map((value, axis) => value - points[i][axis])));
 
   // on: { zoom(factor, x, y), drag(dx, dy, turnsOrMoves: bool), click(event) }; pixels of the screen. Two fingers move
   // and zoom at once.
@@ -100,5 +133,5 @@ const Canvas = (() => {
       event.stopPropagation();
     });
   }
-  return { axes, gestures, niceStep, scaleBar };
+  return { axes, cross, gestures, legsOf, measure, niceStep, scaleBar };
 })();

@@ -7,8 +7,8 @@ const Page = (() => {
     return new Response(stream).arrayBuffer();
   }
   const unbase64 = (text) => Uint8Array.from(atob(text.trim()), (c) => c.charCodeAt(0));
-  const unpack = (id) => gunzip(unbase64(byId(id).textContent));
-  const unpackJson = async (id) => JSON.parse(new TextDecoder().decode(await unpack(id)));
+  const unpack = (id, page = document) => gunzip(unbase64(page.getElementById(id).textContent));
+  const unpackJson = async (id, page) => JSON.parse(new TextDecoder().decode(await unpack(id, page)));
 
   // An element with text, or elements, in it.
   function element(name, content, attributes = {}) {
