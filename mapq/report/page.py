@@ -12,18 +12,22 @@ from numpy.typing import NDArray
 
 from mapq.io.maps import Row
 from mapq.labels import SUSPICIOUS
+from mapq.posed.check_poses import WRONG
 from mapq.report.findings import MAX_REGIONS, Findings
 from mapq.report.scene import VIEWS, PageScene, build_scene
 from prf.shell.cli.files import encoded, open_output
 from prf.shell.cli.page import escape, packed, packed_json, page, table
 
+MOST_NAMED = 5
+"""Scans and edges that the head of a page names."""
 DASH = "–"
 """Instead of a missing number."""
 
 
 def number(value: Any, digits: int = 1, unit: str = "") -> str:
     """Return a number of a file as text, a dash for null."""
-    return DASH if value is None or not math.isfinite(value) else f"{value:,.{digits}f}{unit}"
+    # No negative zero.
+    return DASH if value is None or not math.isfinite(value) else f"{round(value, digits) + 0.0:,.{digits}f}{unit}"
 
 
 def percent(value: Any) -> str:
@@ -84,6 +88,7 @@ def _facts(findings: Findings) -> Iterator[tuple[str, str]]:
             "scans resolve",
             f"{resolved}; {percent(verdict.get('unresolved_share_of_area'))} of the area is left open",
         )
+    yield from _wrong_poses(findings)
     expected = percent(counts.get("expected_share_of_area"))
     words = (
         "of the surface that was judged is wrong, by the p of all patches, if the map is like those they were fitted to"
@@ -100,6 +105,24 @@ def _facts(findings: Findings) -> Iterator[tuple[str, str]]:
         yield "global shift", f"{shift} m, left out of coordinates in views and tables; a selected patch shows both"
     for warning in findings.part("segmentation", "report").get("warnings") or ():
         yield "warning", escape(warning)
+
+
+def _wrong_poses(findings: Findings) -> Iterator[tuple[str, str]]:
+    """Yield which scans, and which edges of their graph, are probably wrong, by name."""
+    for kind, name in (("scans", _scan_name), ("edges", _edge_name)):
+        rows = findings.head.get(kind) or ()
+        wrong = [escape(name(row)) for row in rows if row["p_wrong"] > WRONG]
+        more = f" and {len(wrong) - MOST_NAMED} more, listed below" if len(wrong) > MOST_NAMED else ""
+        if rows:
+            yield f"wrong {kind}", (", ".join(wrong[:MOST_NAMED]) + more or "none") + f", of {len(rows)}"
+
+
+def _scan_name(row: Row) -> str:
+    return PurePath(str(row["file"])).name
+
+
+def _edge_name(row: Row) -> str:
+    return f"{number(row['from'], 0)} to {number(row['to'], 0)}"
 
 
 def map_table(findings: Findings) -> str:
@@ -159,7 +182,7 @@ def pose_tables(findings: Findings) -> str:
     head = [f"{name} <small>{unit}</small>" for name, unit in zip(("shift", "yaw", "bounds", "p"), units, strict=True)]
     rows = [
         (
-            escape(PurePath(str(row["file"])).name),
+            escape(_scan_name(row)),
             ", ".join(number(row[name], 2) for name in ("dx", "dy", "dz")),
             number(math.degrees(row["yaw"]), 2),
             f"{number(row['low'], 2)} to {number(row['high'], 2)}",
@@ -167,20 +190,32 @@ def pose_tables(findings: Findings) -> str:
         )
         for row in scans[:MAX_REGIONS]
     ]
-    text = table(["scan", *head], [("", row) for row in rows], "plain")
+    text = table(["scan", *head], _marked(rows, scans), "scans")
     if edges:
         off = [
             (
-                f"{number(row['from'], 0)} to {number(row['to'], 0)}",
+                _edge_name(row),
                 number(row["error_m"], 2),
                 number(None if row["error_rad"] is None else math.degrees(row["error_rad"]), 2),
                 number(row["p_wrong"], 3),
             )
             for row in edges[:MAX_REGIONS]
         ]
-        text += table(["edge", "off <small>m</small>", "<small>°</small>", "p"], [("", row) for row in off], "plain")
-    note = "The shift and turn that the other scans ask of each, and how far edges are off what the clouds say."
-    return f'<section class="panel"><h2>Scans and edges, worst first</h2><p class="note">{note}</p>{text}</section>'
+        names = ["edge", "off <small>m</small>", "turned <small>°</small>", "p"]
+        text += table(names, _marked(off, edges), "scans")
+    note = (
+        "The shift and turn that the other scans ask of each, and how far edges are off what the clouds say; "
+        "▲ probably wrong."
+    )
+    head_line = "<summary><h2>Scans and edges, worst first</h2></summary>"
+    return f'<details class="panel" open>{head_line}<p class="note">{note}</p>{text}</details>'
+
+
+def _marked(cells: Iterable[tuple[str, ...]], rows: Iterable[Row]) -> Iterator[tuple[str, tuple[str, ...]]]:
+    """Yield the cells of scans or edges, those that are probably wrong with a mark."""
+    for (name, *rest), row in zip(cells, rows, strict=False):
+        is_wrong = row["p_wrong"] > WRONG
+        yield ' class="wrong"' if is_wrong else "", (f"▲ {name}" if is_wrong else name, *rest)
 
 
 def origin_table(findings: Findings) -> str:

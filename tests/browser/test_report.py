@@ -80,6 +80,8 @@ def test_the_worst_patch_is_selected_at_first_and_dark_changes_the_views(page, t
 
 def test_a_phone_shows_the_main_reason_of_each_patch(phone, report):
     open_report(phone, report)
+    assert phone.evaluate("document.documentElement.scrollHeight") <= 2 * 844
+    phone.locator("#patches > summary").tap()
     row = phone.locator("tr[data-patch]").first
     box = row.locator("td:last-child").bounding_box()
     assert len(row.locator("td:visible").all()) == 4
@@ -220,3 +222,24 @@ def test_patches_that_are_not_listed_are_drawn_and_named(page, told, tmp_path, m
     other = next(patch for patch in range(len(told.label)) if patch not in few.rows)
     page.mouse.click(*place_of(page, told, other))
     assert "Not listed" in shown(page)
+
+
+def test_distances_are_measured_in_plan(page, report):
+    open_report(page, report)
+    page.click("#measure")
+    chosen = page.locator("#details h3").inner_text()
+    box = page.locator("#plan").bounding_box()
+    for right, down in ((0.3, 0.4), (0.6, 0.5)):
+        page.locator("#plan").click(position={"x": right * box["width"], "y": down * box["height"]})
+    first = page.locator("#measured").inner_text()
+    assert re.fullmatch(r"[\d.,]+ m in plan", first)
+    page.focus("#plan")
+    page.keyboard.press("Enter")
+    assert page.locator("#measured").inner_text() == "… to the second place"
+    page.keyboard.press("ArrowLeft")
+    page.wait_for_timeout(60)
+    page.keyboard.press("Enter")
+    assert page.locator("#measured").inner_text().endswith(" m in plan")
+    assert page.locator("#details h3").inner_text() == chosen, "no patch is selected by a measuring click"
+    page.click("#measure")
+    assert page.locator("#measured").inner_text() == ""

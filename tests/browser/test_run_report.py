@@ -123,7 +123,7 @@ def test_a_click_asks_there_and_corners_of_a_path_can_be_taken_back(opened, run)
     opened.get_by_text("show one").click()
     assert opened.locator("[data-base=draw]").get_attribute("aria-pressed") == "true"
     opened.click("#clear")
-    assert opened.locator("#answer").inner_text() == ""
+    assert opened.locator("#answer").inner_text().startswith("How probably a disc can follow a path")
 
 
 def test_draws_layers_and_themes_change_the_picture(opened):

@@ -10,6 +10,7 @@
     of = (column, patch) => column[places.get(patch)],
     measure = (name, patch) => of(data.measures[name], patch);
   const ROWS = 25,
+    isPhone = matchMedia("(max-width: 640px)").matches,
     LABELS = ["plausible", "suspicious"],
     MARKS = ["●", "▲"];
 
@@ -30,8 +31,8 @@
     rank: (patch) => (data.label[patch] === 1 ? 2 + sureness(patch) : 1),
   };
   const views = [
-    new Views.View(byId("plan"), scene, look, (patch) => select(patch)),
-    new Views.View(byId("space"), scene, look, (patch) => select(patch), [-1.05, 0.6]),
+    new Views.View(byId("plan"), scene, look, (patch) => select(patch), null, mark),
+    new Views.View(byId("space"), scene, look, (patch) => select(patch), [-1.05, 0.6], mark),
   ];
 
   // ---- one patch in words; text of files is set by textContent alone
@@ -72,7 +73,9 @@
     const reasons = of(data.reasons, patch).map(([words, odds, other]) =>
       element("li", [...reasonWords(words, other), element("small", ` ${odds > 0 ? "+" : ""}${odds}`)]),
     );
-    const cause = of(data.cause, patch);
+    const cause = of(data.cause, patch),
+      more = element("details", [element("summary", element("h4", "Measured")), listed(rows)]);
+    more.open = !isPhone;
     byId("details").replaceChildren(
       title,
       tag,
@@ -81,8 +84,7 @@
         ? element("ol", reasons, { id: "reasons" })
         : element("p", "Nothing in particular: no feature favours its label.", { class: "note" }),
       ...(cause ? [element("h4", "Cause"), element("p", `${cause[0]}: ${cause[1]}`)] : []),
-      element("h4", "Measured"),
-      listed(rows),
+      more,
     );
   }
 
@@ -101,6 +103,23 @@
   function goTo(box) {
     for (const view of views) view.show(box);
   }
+
+  // ---- distances, between two clicks into a view
+  function mark(view, place) {
+    const { marks } = look,
+      goesOn = marks?.view === view && marks.places.length === 1;
+    look.marks = { view, places: goesOn ? [marks.places[0], place] : [place] };
+    const [length] = Canvas.legsOf(look.marks.places);
+    byId("measured").textContent = length === undefined ? "… to the second place" : `${figure(length, 2)} m${view.eye ? "" : " in plan"}`;
+    for (const each of views) each.draw();
+  }
+  byId("measure").addEventListener("click", () => {
+    look.measuring = !look.measuring;
+    look.marks = null;
+    press("measure", look.measuring);
+    byId("measured").textContent = look.measuring ? "click two places" : "";
+    for (const each of views) each.draw();
+  });
 
   // ---- the table of patches
   const largestFirst = (name, value, digits, kind = "number folds") => [
@@ -286,9 +305,14 @@
     event.preventDefault();
   });
 
+  // ---- telephones: all but the views is folded, until it is asked for
+  const fold = (away) => document.querySelectorAll("details").forEach((part) => (part.open = !away));
+  if (isPhone) fold(true);
+
   // ---- paper: both views as pictures, at the density of a printer
   let backToScreen = [];
   window.addEventListener("beforeprint", () => {
+    fold(false);
     backToScreen = views.map((view) => view.print([695, 320]));
   });
   window.addEventListener("afterprint", () => {

@@ -1,25 +1,26 @@
 "use strict";
 // A view of the map on a canvas, without perspective: the plan view from above, or, with an eye, a 3D view that turns.
 // look: { colour(patch) -> rgb, rank(patch) -> higher is drawn later in plan, selected: number, points, outlines: bool,
-// mark -> { points, line } }
+// mark -> { points, line }, measuring: bool, marks -> { view, places: [[x, y, z]...] } }
 Views.View = (() => {
   const { Raster, css, marginOf, packedColour } = Views;
   const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 
   return class View {
     // eye: null for the plan view, else [turn, rise] in radians, from x to y and above the horizon.
-    constructor(canvas, scene, look, onPick, eye = null) {
-      Object.assign(this, { canvas, look, onPick, eye, density: window.devicePixelRatio || 1, paper: null });
+    constructor(canvas, scene, look, onPick, eye = null, onMark = null) {
+      Object.assign(this, { canvas, look, onPick, eye, onMark, density: window.devicePixelRatio || 1, paper: null });
       this.set(scene);
       new ResizeObserver(() => this.draw()).observe(canvas);
       Canvas.gestures(canvas, {
         zoom: (factor, x, y) => this.zoom(factor, x, y),
         drag: (dx, dy, moves) => (eye && !moves ? this.turn(dx, dy) : this.move(dx, dy)),
-        click: (event) => {
-          const patch = this.pick(event);
-          if (patch >= 0) this.onPick(patch);
-        },
+        click: (event) => this.click(event.offsetX * this.density, event.offsetY * this.density),
       });
+      canvas.addEventListener("keydown", (event) => {
+        if (event.key === "Enter" && look.measuring) this.click(canvas.width / 2, canvas.height / 2);
+      });
+      for (const name of ["focus", "blur"]) canvas.addEventListener(name, () => look.measuring && this.draw());
     }
     set(scene) {
       this.scene = scene;
@@ -74,6 +75,12 @@ Views.View = (() => {
       pen.putImageData(raster.image, 0, 0);
       if (this.look.outlines) this.drawOutlines(pen);
       if (this.look.selected >= 0) this.drawSelected(pen, size);
+      const { measuring, marks } = this.look;
+      if (marks?.view === this) {
+        const pixels = marks.places.map((place) => this.place(...place).slice(0, 2));
+        Canvas.measure(pen, pixels, Canvas.legsOf(marks.places), this.density);
+      }
+      if (measuring && canvas.matches(":focus-visible")) Canvas.cross(pen, this.density);
       if (!this.eye) Canvas.axes(pen, this.middle, this.scale, this.density);
       Canvas.scaleBar(pen, this.scale, this.density);
     }
@@ -82,7 +89,7 @@ Views.View = (() => {
       const [[a, b, c, d], [e, f, g, h], [k, l, m, n]] = this.rows;
       for (let i = this.scene.start[patch]; i < this.scene.start[patch + 1]; i++) {
         const [u, v, w] = [x[i], y[i], z[i]];
-        visit(a * u + b * v + c * w + d, e * u + f * v + g * w + h, k * u + l * v + m * w + n);
+        visit(a * u + b * v + c * w + d, e * u + f * v + g * w + h, k * u + l * v + m * w + n, i);
       }
     }
     drawPoints(raster, patch, rgb, size) {
@@ -130,23 +137,31 @@ Views.View = (() => {
         pen.stroke();
       }
     }
-    // The patch under the pointer: suspicious ones before others in plan, near ones before far ones in 3D; -1: none.
-    pick(event) {
-      const bounds = this.canvas.getBoundingClientRect(),
-        d = this.density;
-      const px = (event.clientX - bounds.left) * d,
-        py = (event.clientY - bounds.top) * d,
+    // By pixels of the canvas: selects the patch there, or marks the place to measure from: in plan that of the click,
+    // in 3D that of the point there.
+    click(px, py) {
+      const { scene, look, density, scale, middle } = this,
+        [patch, i] = this.pick(px, py);
+      if (!look.measuring) return patch >= 0 && this.onPick(patch);
+      const along = (px - this.canvas.width / 2) / density / scale,
+        up = (this.canvas.height / 2 - py) / density / scale;
+      if (!this.eye) this.onMark(this, [middle[0] + along, middle[1] + up, 0]);
+      else if (i >= 0) this.onMark(this, scene.points.map((axis) => axis[i]));
+    }
+    // The patch at a place and its point: suspicious ones before others in plan, near ones before far ones in 3D; -1: none.
+    pick(px, py) {
+      const d = this.density,
         reach = (9 * d) ** 2;
-      let best = -1,
+      let best = [-1, -1],
         least = Infinity;
       for (let patch = 0; patch < this.scene.m; patch++) {
         const favour = this.eye ? 0 : 4 * d * d * this.look.rank(patch);
-        this.eachPoint(patch, (qx, qy, near) => {
+        this.eachPoint(patch, (qx, qy, near, i) => {
           const far = (qx - px) ** 2 + (qy - py) ** 2,
             cost = far - favour - (this.eye ? near * reach : 0);
           if (far > reach || cost >= least) return;
           least = cost;
-          best = patch;
+          best = [patch, i];
         });
       }
       return best;

@@ -286,7 +286,11 @@ def test_the_command_lists_them_and_writes_the_graph(tmp_path: Path, monkeypatch
     assert (answer["edges"][0]["from"], answer["edges"][0]["to"]) == (1, 8)
     assert (tmp_path / "new.g2o").read_bytes().count(b"EDGE") == 11
     assert call(capsys, "report", "out.ply", "-o", "out.html")[0] == 0
-    assert "Scans and edges, worst first" in (tmp_path / "out.html").read_text()
+    page = (tmp_path / "out.html").read_text()
+    assert "Scans and edges, worst first" in page
+    assert "<dt>wrong scans</dt><dd>none, of 9</dd>" in page
+    assert "<dt>wrong edges</dt><dd>1 to 8, of 12</dd>" in page
+    assert page.count("<tr class=\"wrong\"><td>▲ 1 to 8</td>") == 1
     code, _, err = call(capsys, *command.split())
     assert (code, len(err.splitlines())) == (4, 1)
     (tmp_path / "poses.txt").write_text("\n".join(" ".join(map(str, p[:3].ravel())) for p in SCANS.poses))

@@ -99,6 +99,11 @@
     metres = (value) => String(+value.toFixed(3)),
     asPath = () => look.tool === "path",
     isLine = () => look.tool !== "point";
+  const GIVES = {
+    point: "How probably a place is occupied, with bounds of the error.",
+    path: "How probably a disc can follow a path, with bounds of the error, and a draw in which it cannot.",
+    length: "The distance of places, or the length of a line through them.",
+  };
   const HINTS = {
     point: "Click the map, or give x, y in metres",
     path: "Click the corners of the path, or give them: x, y; x, y",
@@ -124,7 +129,8 @@
     byId("metres").textContent = figure(look.radius, 2, " m");
     byId("undo").disabled = byId("clear").disabled = !look.corners.length;
     map.draw();
-    const wrong = byId("where").value.trim() ? [element("p", "These are no coordinates: give x, y in metres.")] : [];
+    const isWrong = byId("where").value.trim(),
+      wrong = [isWrong ? element("p", "These are no coordinates: give x, y in metres.") : element("p", GIVES[look.tool], note)];
     byId("answer").replaceChildren(...(look.corners.length ? answer() : wrong));
   }
   function parsed(text) {
