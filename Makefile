@@ -4,6 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 CORE := $(VENV)/.installed
 STAMP := $(VENV)/.installed-all
+DOCS_STAMP := $(VENV)/.installed-docs
 PYTEST := $(BIN)/python -m pytest
 
 .DEFAULT_GOAL := help
@@ -44,7 +45,7 @@ test: setup ## all tests but the slow ones
 	NUMBA_DISABLE_JIT=1 $(PYTEST) -n 2 --dist loadfile -m "uncompiled and not slow" tests/kernels
 	$(PYTEST) -n 2 -m "not uncompiled and not slow" --ignore tests/test_house.py
 
-test-slow: setup ## the slow tests: long chains, statistics with many draws
+test-slow: $(DOCS_STAMP) ## the slow tests: long chains, statistics with many draws
 	$(PYTEST) -n 2 -m "uncompiled or slow"
 
 test-oldest: ## all tests but the slow ones, with the oldest versions allowed of everything, in .venv-oldest
@@ -78,8 +79,13 @@ package: setup ## build wheel and source archive of the last commit in dist/, in
 test-package: setup ## the main jobs with the wheel alone, newest and oldest versions, and the container's; a quarter of an hour
 	$(BIN)/python -m tests.packaging jobs
 
-docs: setup ## write the reference pages in docs/reference from the command lines
+$(DOCS_STAMP): $(STAMP)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[docs]"
+	@touch $@
+
+docs: $(DOCS_STAMP) ## write docs/reference from the command lines, and the site in build/site, with tutorials as notebooks
 	$(BIN)/python -m docs.make_reference
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m docs.make_site
 
 figures: setup ## make the pictures of README and tutorials anew; about a minute
 	$(BIN)/python -m docs.make_figures

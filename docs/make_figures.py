@@ -150,16 +150,24 @@ def draw_town(folder: Path) -> None:
 
 
 def draw_real_places(folder: Path) -> None:
-    """Take pictures of the pages of a real log and of a real map."""
+    """Take pictures of the pages of real logs and of real maps, by the commands of docs/gallery.md."""
     if not PUBLIC.exists():
-        print(f"intel.png and park.png are left as they are: they need {PUBLIC}", file=sys.stderr)
+        print(f"pictures of real places are left as they are: they need {PUBLIC}", file=sys.stderr)
         return
-    run, result = folder / "intel", folder / "park.ply"
-    corrected = ("--noise", 0.05, "--noise-relative", 0.02)
-    call(prf.cli, "sample", "--laser", INTEL, "--every-scan", 10, *corrected, "--time-budget", 120, "-o", run, "-q")
-    call(mapq.cli, "classify", PARK / "pcd", "--poses", PARK / "derived" / "poses_chain.txt", "-o", result, "-q")
-    for tool, what, name in ((prf.cli, run, "intel"), (mapq.cli, result, "park")):
-        call(tool, "report", what, "-o", folder / f"{name}.html", "-q")
+    laser, clouds = PUBLIC / "prf", PUBLIC / "mapq"
+    corrected = ("--every-scan", 10, "--noise", 0.05, "--noise-relative", 0.02)
+    poses = ("--poses", PARK / "derived" / "poses_chain.txt")
+    quad = ("--set", "scans.pattern=planes_*", "--set", "cloud.bin_columns=3")
+    for name, tool, words in (
+        ("intel", prf.cli, (INTEL, *corrected, "--time-budget", 120)),
+        ("hall", prf.cli, (laser / "carmen" / "freiburg-101-corrected.log.gz", "--time-budget", 120)),
+        ("pioneer", prf.cli, (laser / "ros1" / "trace0.bag", "--pose-noise", 0.073, 0.039, "--time-budget", 180)),
+        ("park", mapq.cli, (PARK / "pcd", *poses)),
+        ("quad", mapq.cli, (clouds / "newer_college_01", "--poses", clouds / "newer_college_01" / "graph.txt", *quad)),
+    ):
+        verb, result = ("sample", folder / name) if tool is prf.cli else ("classify", folder / f"{name}.ply")
+        call(tool, verb, *(("--laser",) if tool is prf.cli else ()), *words, "-o", result, "-q")
+        call(tool, "report", result, "-o", folder / f"{name}.html", "-q")
         photograph(folder / f"{name}.html", IMAGES / f"{name}.png")
 
 

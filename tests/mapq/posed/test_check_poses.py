@@ -290,7 +290,7 @@ def test_the_command_lists_them_and_writes_the_graph(tmp_path: Path, monkeypatch
     assert "Scans and edges, worst first" in page
     assert "<dt>wrong scans</dt><dd>none, of 9</dd>" in page
     assert "<dt>wrong edges</dt><dd>1 to 8, of 12</dd>" in page
-    assert page.count("<tr class=\"wrong\"><td>▲ 1 to 8</td>") == 1
+    assert page.count('<tr class="wrong"><td>▲ 1 to 8</td>') == 1
     code, _, err = call(capsys, *command.split())
     assert (code, len(err.splitlines())) == (4, 1)
     (tmp_path / "poses.txt").write_text("\n".join(" ".join(map(str, p[:3].ravel())) for p in SCANS.poses))
