@@ -26,6 +26,8 @@ logger = logging.getLogger(__name__)
 
 FAR = 5.0  # metres, a usual range: how far an error of the heading moves points
 LEAST_SCALE = 1.3  # times that odometry errs more than was said, from which it is taken to
+LEAST_FIT = 0.5  # up to 1, of a scan that lies on what was seen just before it
+MOST_UNFIT = 0.12  # share that lies worse, beyond which scans are too far apart: of raw Intel 0, of one in five .15
 LEFT = 0.1  # metres that points lie apart once loops are closed, about
 MOST_POINTS = 200_000  # more add little
 
@@ -98,6 +100,7 @@ def find_start(model: PoseModel, laser: Readings, noise: float) -> Start:
     ways, error = [Way(given, [], 0.0)], float(model.prior.noise[0] @ [1.0, FAR])
     followed = follow(scans, model.prior) if model.prior.is_held else None
     if followed is not None:
+        _warn_of_gaps(model.prior, followed.fits)
         model = _as_it_errs(model, followed.scale)
         ways, error = close_loops(scans, followed, pull_of(model.prior)), LEFT
         n_used = sum(loop.is_used for loop in ways[0].loops)
@@ -116,6 +119,17 @@ def find_start(model: PoseModel, laser: Readings, noise: float) -> Start:
     disputed = closures([match for way in ways for match in way.apart] if len(ways) > 1 else [])
     model = dataclasses.replace(model, start=found.poses, draw_start=found.draw, disputed=disputed)
     return found._replace(model=model)
+
+
+def _warn_of_gaps(prior: PosePrior, fits: Floats) -> None:
+    """Warn where many scans do not lie on what was seen just before: too little is left to correct odometry by."""
+    share = float(np.mean(fits < LEAST_FIT))
+    if share > MOST_UNFIT:
+        ahead, turn = np.median(np.hypot(*prior.motion[:, :2].T)), np.degrees(np.median(np.abs(prior.motion[:, 2])))
+        logger.warning(
+            f"{share:.0%} of the scans do not lie on what was seen before them: half are {ahead:.1f} m and {turn:.0f} "
+            "degrees apart or more, and the trajectory may be wrong by metres. Keep more: --every-scan 1"
+        )
 
 
 def _as_it_errs(model: PoseModel, scale: Floats) -> PoseModel:

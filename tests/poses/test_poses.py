@@ -10,6 +10,7 @@ import pytest
 import scipy.stats
 
 from prf.configuration import ODOMETRY, Configuration
+from prf.poses import start
 from prf.poses.carried import doubtful
 from prf.poses.follow import follow
 from prf.poses.given import PoseErrors, given_errors, pose_noise
@@ -240,9 +241,19 @@ def test_odometry_errs_as_scans_show_where_that_is_more_than_was_said(caplog):
     assert 3.0 < ratio[0] < 6.5
     assert 2.2 < ratio[2] < 4.5
     assert "odometry errs" in caplog.text
+    assert "do not lie on" not in caplog.text
     np.testing.assert_allclose(found.prior.spread, said.scaled(ratio[2], ratio[0]).prior.spread)
     right = follow(*_scans_round_the_block("poor"))
     assert (right.scale < 1.3).all()
+
+
+@pytest.mark.parametrize(("n_unfit", "warned"), [(3, False), (8, True)])
+def test_scans_too_far_apart_to_correct_odometry_by_are_told(caplog, n_unfit, warned):
+    prior = odometry_of(round_the_block(spacing=3.0), "wheels")
+    fits = np.ones(len(prior.motion))
+    fits[:n_unfit], fits[-1] = 0.2, np.nan
+    start._warn_of_gaps(prior, fits)
+    assert ("do not lie on what was seen before them: half are 2.2 m" in caplog.text) == warned
 
 
 @pytest.mark.slow
