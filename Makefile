@@ -8,7 +8,7 @@ DOCS_STAMP := $(VENV)/.installed-docs
 PYTEST := $(BIN)/python -m pytest
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test test-slow test-oldest verify check coverage package test-package docs figures bench model clean
+.PHONY: help setup demo test test-slow test-oldest verify check coverage package test-package docs figures bench bench-all model clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 20
@@ -95,6 +95,9 @@ bench: setup ## speed and quality beside references in the same run; some ten mi
 	$(BIN)/python -m benchmarks.segmentation
 	$(BIN)/python -m benchmarks.graph_cut
 	$(BIN)/python -m benchmarks.table2
+
+bench-all: setup ## all figures of benchmarks/README.md, dated, in build/bench; most of a day
+	$(BIN)/python -m benchmarks.everything
 
 model: setup ## train the model that ships with mapq anew, on simulated maps
 	$(BIN)/python -m data.make_default_model

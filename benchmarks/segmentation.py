@@ -10,6 +10,7 @@ Memory is the peak of a process of its own, less what imports and kernels take.
 
 from __future__ import annotations
 
+import argparse
 import re
 import statistics
 import subprocess
@@ -140,7 +141,9 @@ if __name__ == "__main__":
     if sys.argv[1:2] == ["--memory"]:
         measure_memory(sys.argv[2])
     else:
-        made = make_city(int(sys.argv[1]) if len(sys.argv) > 1 else 1_000_000)
+        parser = argparse.ArgumentParser(description="Segment a city: quality, speed, stages, memory.")
+        parser.add_argument("points", type=int, nargs="?", default=1_000_000, help="of the city")
+        made = make_city(parser.parse_args().points)
         show_quality(made)
         show_speed(made)
         show_stages(made)

@@ -247,7 +247,7 @@ def test_odometry_errs_as_scans_show_where_that_is_more_than_was_said(caplog):
     assert (right.scale < 1.3).all()
 
 
-@pytest.mark.parametrize(("n_unfit", "warned"), [(3, False), (8, True)])
+@pytest.mark.parametrize(("n_unfit", "warned"), [(2, False), (8, True)])
 def test_scans_too_far_apart_to_correct_odometry_by_are_told(caplog, n_unfit, warned):
     prior = odometry_of(round_the_block(spacing=3.0), "wheels")
     fits = np.ones(len(prior.motion))
