@@ -1,6 +1,6 @@
 """Measures all figures of benchmarks/README.md anew, part by part: `make bench-all`; most of a day.
 
-What each part prints is in build/bench/DATE/PART.txt, with its command, revision and time. A part that fails is named at the end;
+What each part prints is in build/bench/DATE/PART.txt, with its command, revision and time. A part that fails is named;
 those after it run all the same. `--only PART ...` are some; `--check` starts every part with --help alone.
 """
 

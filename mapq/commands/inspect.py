@@ -78,8 +78,8 @@ def _cloud_rows(cloud: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     sides = ", ".join(f"{axis} {first:.2f} to {last:.2f}" for axis, first, last in zip("xyz", low, high, strict=True))
     yield "points", f"{cloud['n_points']:,}" + (f", {missing:,} of them without coordinates" if missing else "")
     yield "extent", f"{size} m, {sides}"
-    yield "coordinates", cloud["coordinate_type"]
     is_metric = bool((unit == 1.0).all())
+    yield "coordinates", cloud["coordinate_type"] + (", taken to be in metres (else --unit)" if is_metric else "")
     if not is_metric:
         units = " ".join(f"{value:g}" for value in unit.tolist())
         yield "unit", f"{units} m, of x, y and z; lengths are in metres"

@@ -34,7 +34,7 @@ from prf.sampler.extend import extended_configuration, prepare_extension
 from prf.sampler.prepare import Prepared, with_poses
 from prf.sampler.session import Session, StopRule, drive
 from prf.shell.cli.console import ProgressCallback, reported
-from prf.shell.cli.outputs import exclusive, refuse_existing
+from prf.shell.cli.outputs import exclusive, refuse_existing, refuse_inputs
 from prf.shell.cli.run import graceful_stop
 from prf.shell.cli.settings import Loaded
 from prf.shell.cli.storage import resolve_seed
@@ -170,6 +170,8 @@ def sample(
     sources = by_kind(readings, sensors)
     loaded = settled(requested_by(config), prior, sensors, options)
     folder = None if output is None else Path(output)
+    if folder is not None:
+        refuse_inputs([str(folder)], paths_of(chain.from_iterable(sources.values())))
     with _held(folder, force):
         used_seed = resolve_seed(seed)
         prepared, set_by = _prepared(sources, loaded, extend, forget)

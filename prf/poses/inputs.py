@@ -44,7 +44,9 @@ class Inputs(NamedTuple):
             words += ["--poses", poses or "POSES"]
         if self.odometry is not None and self.poses is not None and "--odometry" in flags:
             words += ["--set", f"trajectory.file={self.odometry}"]
-        end = ["-o", log_stem(log) or "map"] if verb == "sample" else []
+        name = log_stem(log) or "map"
+        name += "-map" if Path(name).resolve() == Path(log).resolve() else ""  # the folder of a bag has no suffix
+        end = ["-o", name] if verb == "sample" else []
         return " ".join([shlex.join(words), *([flags] if flags else []), *map(shlex.quote, end)])
 
 

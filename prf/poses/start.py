@@ -97,6 +97,7 @@ def find_start(model: PoseModel, laser: Readings, noise: float) -> Start:
     scans, given = scans_of(model, laser, noise), model.prior.given
     if not len(scans.owner):
         return Start(model, scans, [Agreed(given.copy(), pull_of(model.prior), 1.0)], [])
+    logger.info(f"laying {len(given):,} scans on one another, for a trajectory to start from ...")
     ways, error = [Way(given, [], 0.0)], float(model.prior.noise[0] @ [1.0, FAR])
     followed = follow(scans, model.prior) if model.prior.is_held else None
     if followed is not None:
@@ -137,9 +138,10 @@ def _as_it_errs(model: PoseModel, scale: Floats) -> PoseModel:
     if scale.max() < LEAST_SCALE:
         return model
     found = model.scaled(*scale.tolist())
+    used = ", ".join(f"{value:.3g}" for value in found.odometry or ())
     logger.warning(
-        f"odometry errs {scale[0]:.2g} times as far and turns {scale[1]:.2g} times as far off as was said: taken so. "
-        f"trajectory.odometry_noise: {', '.join(f'{value:.3g}' for value in found.odometry or ())}"
+        f"scans show odometry to err by {scale[0]:.2g} times as far, and to turn {scale[1]:.2g} times as far off, as "
+        f"its standard deviations have it; used instead: trajectory.odometry_noise {used}"
     )
     return found
 

@@ -256,7 +256,7 @@ MAKERS: tuple[tuple[str, Callable[[Path], None]], ...] = (
     (r"drive\.csv", lambda path: path.write_text("x,y\n3.0,3.0\n7.0,3.0\n7.0,5.0\n")),
     (r"(bitmap|soil|taps)\.csv", make_values),
     (r"(ring|elsewhere)\.csv", make_ring),
-    (r"(drive|later|a|b)\.bag", make_bag),
+    (r"(drive|later|trace0|a|b)\.bag", make_bag),
     (r"(slam|later|a|b)\.tum", make_trajectory),
     (r"player\.log", make_player),
     (r"(ranges|poses|odom)\.txt", make_ranges),

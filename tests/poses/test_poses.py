@@ -240,7 +240,7 @@ def test_odometry_errs_as_scans_show_where_that_is_more_than_was_said(caplog):
     ratio = np.array(found.odometry) / ODOMETRY["wheels"]
     assert 3.0 < ratio[0] < 6.5
     assert 2.2 < ratio[2] < 4.5
-    assert "odometry errs" in caplog.text
+    assert "scans show odometry to err" in caplog.text
     assert "do not lie on" not in caplog.text
     np.testing.assert_allclose(found.prior.spread, said.scaled(ratio[2], ratio[0]).prior.spread)
     right = follow(*_scans_round_the_block("poor"))

@@ -166,13 +166,13 @@ def refuse_json_on_stream(path: str | os.PathLike[str] | None, json: bool) -> No
 
 
 def refuse_inputs(outputs: Iterable[str], inputs: Iterable[str | os.PathLike[str] | None]) -> None:
-    """Raise UsageError for an output file that is an input: a mistake would cost a log, or labels set by hand.
+    """Raise UsageError for an output that is an input: a mistake would cost a log, or labels set by hand.
 
-    Inputs that are None, streams, folders or missing are passed over.
+    Inputs that are None, streams or missing are passed over.
     """
-    files = [path for path in inputs if path is not None and os.path.isfile(path)]
+    there = [path for path in inputs if path is not None and os.path.exists(path)]
     for output in outputs:
-        if os.path.isfile(output) and any(os.path.samefile(output, path) for path in files):
+        if os.path.exists(output) and any(os.path.samefile(output, path) for path in there):
             raise UsageError(f"{output} is an input and would be overwritten. Name another output with -o.")
 
 
