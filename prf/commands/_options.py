@@ -37,6 +37,6 @@ TimeBudget = Annotated[
         "--time-budget",
         metavar="TIME",
         parser=parse_duration,
-        help="Time instead of steps, once readings and trajectory are prepared, with writing; seconds, or 90s, 5m, 1h30m.",
+        help="Time instead of steps, from when readings and trajectory are prepared; seconds, or 90s, 5m, 1h30m.",
     ),
 ]
