@@ -124,9 +124,11 @@ MOVE_END = 5
 THICKNESS = 6
 GAP = 7
 MERGE_WALLS = 8
+HOLLOW = 9
+FILL_WALLS = 10
 
 WALL_MOVES = (
-    ("wall birth", 0.3),
+    ("wall birth", 0.26),
     ("wall death", 0.1),
     ("shift wall", 0.12),
     ("turn wall", 0.1),
@@ -135,9 +137,11 @@ WALL_MOVES = (
     ("thickness of wall", 0.12),
     ("gap in wall", 0.04),
     ("merge walls", 0.04),
+    ("hollow wall", 0.02),
+    ("fill walls", 0.02),
 )
 N_WALL_MOVES = len(WALL_MOVES)
-WALL_PAIRS = {WALL_BIRTH: WALL_DEATH, GAP: MERGE_WALLS}
+WALL_PAIRS = {WALL_BIRTH: WALL_DEATH, GAP: MERGE_WALLS, HOLLOW: FILL_WALLS}
 WALL_REVERSE = np.array(
     [(WALL_PAIRS | {b: a for a, b in WALL_PAIRS.items()}).get(move, move) for move in range(N_WALL_MOVES)]
 )

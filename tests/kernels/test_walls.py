@@ -99,7 +99,7 @@ def test_every_move_has_the_ratio_that_enumeration_gives() -> None:
         while chain.graph.counts[c.NEEDS_ROOM]:
             chain = grow(chain)
         chain = run_chain(chain, rng, int(chain.graph.counts[c.STEP]) + 40)
-        for move in (c.WALL_BIRTH, c.WALL_BIRTH, *range(c.N_WALL_MOVES), c.GAP, c.MERGE_WALLS):
+        for move in (c.WALL_BIRTH, c.WALL_BIRTH, *range(c.N_WALL_MOVES), c.GAP, c.MERGE_WALLS, c.HOLLOW, c.FILL_WALLS):
             if chain.graph.counts[c.NEEDS_ROOM]:
                 chain = grow(chain)
             scratch, x = scratch_walls(len(chain.graph.edge_length)), walls_of(read_coloring(chain.graph))

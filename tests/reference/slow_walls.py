@@ -219,6 +219,49 @@ def log_merge(walls: list[Bar], parts: list[Bar], whole: Bar) -> float:
     return math.log(total) if total > 0.0 else -math.inf
 
 
+class Box(NamedTuple):
+    """What two walls are filled to, and what it does not have: how far one passes, off its place, and turned."""
+
+    bar: Bar
+    past: float
+    near: float
+    turn: float
+
+
+def filled(base: Bar, other: Bar, quarters: int) -> Box | None:
+    """The box round two walls whose right faces look outwards, the second so many right angles after the first."""
+    origin = base.a - 0.5j * base.t * base.unit
+    p, q = ((end - 0.5j * other.t * other.unit - origin) / base.unit for end in (other.a, other.b))
+    turn, middle = np.angle((q - p) / 1j**quarters), 0.5 * (p + q)
+    if quarters == 2:
+        low, high, t = 0.0, base.length, middle.imag
+        past, near = other.length - base.length, middle.real - 0.5 * base.length
+    else:
+        low, high = (0.0, middle.real) if quarters == 1 else (middle.real, base.length)
+        near, t = middle.imag - 0.5 * other.length, middle.imag + 0.5 * other.length
+        past = base.length - (high - low)
+    if not (abs(past) < 1.0 and abs(near) < 0.5 and abs(turn) < 0.1 and 0.02 < t < 1.0 and low < high):
+        return None
+    a, b = (origin + (x + 0.5j * t) * base.unit for x in (low, high))
+    return Box(Bar(a, b, t), past, near, float(turn))
+
+
+def fill_ratios(walls: list[Bar], parts: list[Bar], box: Bar, plan: Plan) -> list[float]:
+    """Log of the density of making two walls of a box over that of filling them, in each way that does both."""
+    found, n = [], len(walls)
+    for base, other in ((parts[0], parts[1]), (parts[1], parts[0])):
+        rest = both_ways([wall for wall in walls if wall is not base])
+        for way, side, quarters in itertools.product((base, base.back()), (other, other.back()), (1, 2, 3)):
+            made = filled(way, side, quarters)
+            if made is None or not is_same(made.bar, box):
+                continue
+            hollow = -math.log(2.0 * (n - 1)) + log_cubed(made.past, 1.0) + log_cubed(made.near, 0.5)
+            hollow += log_cubed(made.turn, 0.1) + sum(log_thickness(wall.t, plan.common) for wall in parts)
+            fitting = sum(filled(way, wall, quarters) is not None for wall in rest)
+            found.append(hollow + math.log(2.0 * n * fitting))
+    return found
+
+
 def log_ratios(move: int, x: Floats, y: Floats, plan: Plan) -> list[float]:
     """Log of the density of the way back over that of the proposal, by each law that may have made it."""
     gone, come, stay = difference(x, y)
@@ -231,6 +274,10 @@ def log_ratios(move: int, x: Floats, y: Floats, plan: Plan) -> list[float]:
         return [log_merge(bars(y), come, gone[0]) - log_gap(gone[0], come, n)]
     if move == c.MERGE_WALLS:
         return [log_gap(come[0], gone, n - 1) - log_merge(bars(x), gone, come[0])]
+    if move == c.HOLLOW:
+        return [-each for each in fill_ratios(bars(y), come, gone[0], plan)]
+    if move == c.FILL_WALLS:
+        return fill_ratios(bars(x), gone, come[0], plan)
     old, new = gone[0], come[0]
     new = new if (new.unit / old.unit).real > 0.0 else new.back()
     if move == c.MOVE_END:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+import math
 from functools import partial
 
 import numpy as np
@@ -19,7 +21,7 @@ from tests.reference.worlds import read_world
 from tests.statistical.problems import N_BEAMS, N_SENSORS, SENSOR
 from tests.statistical.ranks import rank_of
 from tests.statistical.sbc import World, calibrate
-from tests.statistical.wall_laws import by_chain, by_rejection, one_draw, other_law, z_scores
+from tests.statistical.wall_laws import by_chain, by_rejection, log_constant, mean_of, one_draw, other_law, z_scores
 
 pytestmark = pytest.mark.slow
 
@@ -33,6 +35,23 @@ def test_the_prior_has_the_law_of_rejection_and_another_law_is_told() -> None:
     assert max(map(abs, found.values())) < WORST, found
     control = z_scores(chain, by_rejection(10_000, 7, other_law()))
     assert max(map(abs, control.values())) > WORST, control
+
+
+@pytest.mark.parametrize(("weight", "of", "sign"), [("density", "walls", 1.0), ("free_end", "free ends", -1.0)])
+def test_constants_are_the_integrals_of_means(weight: str, of: str, sign: float) -> None:
+    """Thermodynamics: d log Z / d log density is the mean number of walls, and -d log Z / d cost that of free ends."""
+    most = getattr(PRIOR, weight)
+    nodes, shares = np.polynomial.legendre.leggauss(5)
+    integral, variance = 0.0, 0.0
+    for k, (node, share) in enumerate(zip(0.5 * most * (nodes + 1.0), 0.5 * most * shares, strict=True)):
+        mean, error = mean_of(by_chain(10_000, 11 + k, dataclasses.replace(PRIOR, **{weight: node})), of)
+        share *= sign / (node if weight == "density" else 1.0)
+        integral, variance = integral + share * mean, variance + (share * error) ** 2
+    for at, sign_there in ((most, -1.0), (0.0, 1.0)):
+        constant, error = log_constant(40_000, 31, dataclasses.replace(PRIOR, **{weight: at}))
+        integral, variance = integral + sign_there * constant, variance + error**2
+    assert abs(integral) < WORST * math.sqrt(variance), (integral, variance)
+    assert math.sqrt(variance) < 0.05
 
 
 SEED = 20260728

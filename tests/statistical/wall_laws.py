@@ -90,14 +90,28 @@ class Drawn(NamedTuple):
         return statistics(self.walls, prior, self.angle, self.common)
 
 
+def weighed(rng: np.random.Generator, prior: WallPrior, window: Window) -> tuple[Drawn, float]:
+    """Draw from the Poisson process; and what its interactions leave of the density, 0 where a wall is not legal."""
+    found = Drawn(*drawn_walls(rng, prior, window))
+    if not is_legal(found.walls, found.common, window):
+        return found, 0.0
+    row = found.statistics(prior)
+    return found, math.exp(-prior.free_end * row[6] - row[7])
+
+
 def one_draw(rng: np.random.Generator, prior: WallPrior, window: Window) -> Drawn:
-    """Draw from the prior: the Poisson process, all of whose walls must be legal, kept as its interactions cost."""
+    """Draw from the prior by rejection from the Poisson process."""
     while True:
-        found = Drawn(*drawn_walls(rng, prior, window))
-        if is_legal(found.walls, found.common, window):
-            row = found.statistics(prior)
-            if rng.random() < math.exp(-prior.free_end * row[6] - row[7]):
-                return found
+        found, weight = weighed(rng, prior, window)
+        if rng.random() < weight:
+            return found
+
+
+def log_constant(n: int, seed: int, prior: WallPrior = PRIOR) -> tuple[float, float]:
+    """Log of the normalising constant, that without walls being near 0, and its standard error, by `n` draws."""
+    rng = np.random.default_rng(seed)
+    weights = np.array([weighed(rng, prior, WINDOW)[1] for _ in range(n)])
+    return prior.density * WINDOW.area + math.log(weights.mean()), float(weights.std() / weights.mean() / math.sqrt(n))
 
 
 def by_rejection(n: int, seed: int, prior: WallPrior = PRIOR) -> Floats:
@@ -106,19 +120,19 @@ def by_rejection(n: int, seed: int, prior: WallPrior = PRIOR) -> Floats:
     return np.array([one_draw(rng, prior, WINDOW).statistics(prior) for _ in range(n)])
 
 
-def by_chain(n: int, seed: int) -> Floats:
+def by_chain(n: int, seed: int, prior: WallPrior = PRIOR) -> Floats:
     """Statistics (n, 9) of every `TURN`-th map of a chain, some of whose births are aimed at targets."""
     rng = np.random.default_rng(seed)
     rows: list[list[float]] = []
-    target = Target(WINDOW, 0.1, orientation=Orientation(None, None), walls=PRIOR)
+    target = Target(WINDOW, 0.1, orientation=Orientation(None, None), walls=prior)
     chain = make_chain(target, Coloring.empty(WINDOW))
     chain = chain._replace(targets=make_targets(WINDOW, 0.05, rng.uniform(WINDOW[:2], WINDOW[2:], (60, 2))))
     chain.tuning[c.AIMED_SHARE] = 0.5
     for until in range(TURN, TURN * (n + 1), TURN):
         chain = run_chain(chain, rng, until)
-        redraw_wall_laws(chain, PRIOR, target.orientation, rng)
+        redraw_wall_laws(chain, prior, target.orientation, rng)
         walls = walls_of(read_coloring(chain.graph))
-        rows.append(statistics(walls, PRIOR, float(chain.lines[c.ANGLE]), chain.lines[c.N_LINES :].copy()))
+        rows.append(statistics(walls, prior, float(chain.lines[c.ANGLE]), chain.lines[c.N_LINES :].copy()))
     return np.array(rows)
 
 
@@ -128,6 +142,13 @@ def z_scores(chain: Floats, exact: Floats, n_batches: int = 60) -> dict[str, flo
     batches = chain[: n_batches * size].reshape(n_batches, size, -1).mean(axis=1)
     error = np.sqrt(batches.var(axis=0, ddof=1) / n_batches + exact.var(axis=0, ddof=1) / len(exact))
     return dict(zip(NAMES, ((batches.mean(axis=0) - exact.mean(axis=0)) / error).tolist(), strict=True))
+
+
+def mean_of(chain: Floats, name: str, n_batches: int = 60) -> tuple[float, float]:
+    """Mean of a statistic over a chain, and its standard error by batches."""
+    size = len(chain) // n_batches
+    batches = chain[: n_batches * size, NAMES.index(name)].reshape(n_batches, size).mean(axis=1)
+    return float(batches.mean()), float(batches.std(ddof=1) / math.sqrt(n_batches))
 
 
 def other_law() -> WallPrior:

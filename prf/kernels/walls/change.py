@@ -121,16 +121,28 @@ def span_within(wall: Wall, other: Wall) -> tuple[float, float]:
 
 
 @core
+def misses(wall: Wall, ux: float, uy: float, other: Wall) -> bool:
+    """Whether both ends of another wall lie so far to one side of the line of a wall along u, or behind it."""
+    half = 0.5 * other[4]
+    ax, ay, bx, by = other[0] - wall[0], other[1] - wall[1], other[2] - wall[0], other[3] - wall[1]
+    first, second = ux * ay - uy * ax, ux * by - uy * bx
+    if min(first, second) > half or max(first, second) < -half:
+        return True
+    return max(ux * ax + uy * ay, ux * bx + uy * by) < -half
+
+
+@core
 def joint_density(graph: Graph, walls: Walls, wall: Wall, length: float, u: float) -> tuple[float, float]:
     """Density of taking the second end of a wall to `length` by a joint, 1/m; and a length drawn so with `u` in [0, 1).
 
     The length is that of the wall where its line meets no other.
     """
     own, total, found, drawn = length_of(wall), 0.0, 0.0, length_of(wall)
+    ux, uy = (wall[2] - wall[0]) / own, (wall[3] - wall[1]) / own
     for turn in range(2):
         left = u * total
         for i in range(graph.counts[c.WALLS]):
-            if i == walls.old[0]:
+            if i == walls.old[0] or misses(wall, ux, uy, wall_in(walls.row, i)):
                 continue
             low, high = span_within(wall, wall_in(walls.row, i))
             if not low < high:

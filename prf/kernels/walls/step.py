@@ -17,6 +17,7 @@ from prf.kernels.walls.birth import propose_wall_birth, propose_wall_death
 from prf.kernels.walls.change import propose_end, propose_extend, propose_shift, propose_thickness, propose_turn
 from prf.kernels.walls.cover import cover_image, cover_points
 from prf.kernels.walls.gap import propose_gap, propose_merge
+from prf.kernels.walls.hollow import propose_fill, propose_hollow
 from prf.kernels.walls.shape import write_corners
 from prf.kernels.walls.table import N_NEW, N_OLD, Walls, fill, forget, remember, wall_prior_change
 
@@ -53,7 +54,11 @@ def propose_walls(chain: Chain, walls: Walls, move: int, rng: Rng) -> Densities:
         return propose_thickness(graph, proposal, walls, lines, rng)
     if move == c.GAP:
         return propose_gap(graph, proposal, walls, rng)
-    return propose_merge(graph, proposal, walls, rng)
+    if move == c.MERGE_WALLS:
+        return propose_merge(graph, proposal, walls, rng)
+    if move == c.HOLLOW:
+        return propose_hollow(graph, proposal, walls, lines, rng)
+    return propose_fill(graph, proposal, walls, lines, rng)
 
 
 @core
@@ -62,26 +67,36 @@ def log_move_ratio(move_probabilities: Array, move: int, log_forward: float, log
     return log_reverse - log_forward + math.log(move_probabilities[c.WALL_REVERSE[move]] / move_probabilities[move])
 
 
+@core
+def is_blocked(chain: Chain, walls: Walls) -> bool:
+    """Whether a proposal puts a sensor in black, or an edge near the way; writes the cells of the new edges."""
+    find_cells(chain.edge_index.grid, chain.proposal)
+    if is_barred(chain.graph, chain.guards, chain.proposal, True):
+        return True
+    if chain.sensors.xy.shape[0] > 0:
+        for k in range(walls.counts[N_NEW]):
+            if any_inside(chain.sensors, chain.proposal.loop[4 * k : 4 * k + 4], 4):
+                return True
+    return False
+
+
 @spine
 def accept_walls(chain: Chain, walls: Walls, log_ratio: float, log_u: float, rng: Rng) -> tuple[bool, float, float]:
     """Decide on a legal proposal; return the decision and the changes of log prior and log likelihood.
 
     `log_ratio`: of the proposal densities. The target is (prior x likelihood ^ power) ^ inverse temperature; no sensor
-    is in black, and no edge near the way.
+    is in black, and no edge near the way. The prior is what costs least, and rejects first.
     """
     graph, index, proposal = chain.graph, chain.edge_index, chain.proposal
-    if is_barred(graph, chain.guards, proposal, True):
-        return False, 0.0, 0.0
-    if chain.sensors.xy.shape[0] > 0:
-        for k in range(walls.counts[N_NEW]):
-            if any_inside(chain.sensors, proposal.loop[4 * k : 4 * k + 4], 4):
-                return False, 0.0, 0.0
     prior = wall_prior_change(graph, walls, chain.density, chain.lines)
     beta, power = chain.density[c.INVERSE_TEMPERATURE], chain.density[c.LIKELIHOOD_POWER]
     needed = (log_u - log_ratio) / beta - prior
     n_readings, n_points = chain.beams.ray.shape[0] + chain.cones.pose.shape[0], chain.points.column.shape[1]
-    if (n_readings == 0 and n_points == 0) or power == 0.0:
-        return needed < 0.0, prior, 0.0
+    is_prior = (n_readings == 0 and n_points == 0) or power == 0.0
+    if not needed < (0.0 if is_prior else math.inf) or is_blocked(chain, walls):
+        return False, 0.0, 0.0
+    if is_prior:
+        return True, prior, 0.0
     needed /= power
     likelihood = cover_points(chain.points, walls, False) if n_points > 0 else 0.0
     if n_readings > 0:
@@ -140,7 +155,6 @@ def step_walls(chain: Chain, walls: Walls, rng: Rng) -> bool:
     if not legal:
         return False
     log_u = math.log(1.0 - rng.random())
-    find_cells(chain.edge_index.grid, chain.proposal)
     outcomes[move, c.VALID] += 1
     log_ratio = log_move_ratio(chain.move_probabilities, move, log_forward, log_reverse)
     accepted, prior, likelihood = accept_walls(chain, walls, log_ratio, log_u, rng)
