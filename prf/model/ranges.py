@@ -80,9 +80,9 @@ def deal_levels(n: int, n_levels: int) -> NDArray[np.uint8]:
     return level
 
 
-def number_of_levels(n: int) -> int:
-    """Return in how many stages so many beams are tested."""
-    return 1 + max(0, int(math.log(max(n, 1) / FIRST_LEVEL, LEVEL_GROWTH)))
+def number_of_levels(n: int, first: int = FIRST_LEVEL) -> int:
+    """Return in how many stages so many beams are tested, `first` at least at first."""
+    return 1 + max(0, int(math.log(max(n, 1) / first, LEVEL_GROWTH)))
 
 
 def empty_lists(beams: Beams, edge_capacity: int) -> Beams:

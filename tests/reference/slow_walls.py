@@ -250,7 +250,7 @@ def fill_ratios(walls: list[Bar], parts: list[Bar], box: Bar, plan: Plan) -> lis
     """Log of the density of making two walls of a box over that of filling them, in each way that does both."""
     found, n = [], len(walls)
     for base, other in ((parts[0], parts[1]), (parts[1], parts[0])):
-        rest = both_ways([wall for wall in walls if wall is not base])
+        rest = both_ways([wall for wall in walls if not is_same(wall, base)])
         for way, side, quarters in itertools.product((base, base.back()), (other, other.back()), (1, 2, 3)):
             made = filled(way, side, quarters)
             if made is None or not is_same(made.bar, box):
@@ -285,9 +285,29 @@ def log_ratios(move: int, x: Floats, y: Floats, plan: Plan) -> list[float]:
         assert max(abs(old.a - new.a), abs(old.unit - new.unit), abs(old.t - new.t)) < SAME
         return [log_end(new, old.length, stay) - log_end(old, new.length, stay)]
     if move == c.THICKNESS:
-        back = [log_thickness(each.t, plan.common) for each in (old, new)]
-        return [log_step(old.t - new.t, 0.004, 0.2) - log_step(new.t - old.t, 0.004, 0.2), back[0] - back[1]]
+        return [
+            log_step(old.t - new.t, 0.004, 0.2) - log_step(new.t - old.t, 0.004, 0.2),
+            *depth_ratios(old, new, plan),
+        ]
     return [0.0] if is_step(move, old, new) else []
+
+
+def faces(bar: Bar) -> list[tuple[complex, complex, float]]:
+    """Both ends of each face of a wall, counter-clockwise, and how deep the wall is behind it."""
+    x, y = np.array(bar.polygon().exterior.coords)[:4].T
+    corner = (x + 1j * y).tolist()
+    return [(corner[k], corner[(k + 1) % 4], abs(corner[(k + 2) % 4] - corner[(k + 1) % 4])) for k in range(4)]
+
+
+def depth_ratios(old: Bar, new: Bar, plan: Plan) -> list[float]:
+    """Log of the ratio of densities where two walls share a face."""
+
+    def log_depth(depth: float) -> float:
+        length = stats.lognorm(1.2, scale=plan.prior.length).pdf(depth)
+        return math.log(0.5 * math.exp(log_thickness(depth, plan.common)) + 0.5 * length)
+
+    both = itertools.product(faces(old), faces(new))
+    return [log_depth(was) - log_depth(now) for (a, b, was), (p, q, now) in both if abs(a - p) + abs(b - q) < SAME]
 
 
 def is_step(move: int, old: Bar, new: Bar) -> bool:

@@ -48,6 +48,12 @@ def draw_thickness(lines: Array, rng: Rng) -> float:
 
 
 @core
+def draw_length(density: Array, rng: Rng) -> float:
+    """Length by its law, m."""
+    return density[c.WALL_LENGTH] * math.exp(EVEN * rng.standard_normal())
+
+
+@core
 def face(wall: Wall) -> Wall:
     """The face on the right of a wall, as a wall of no thickness."""
     half = 0.5 * wall[4] / length_of(wall)
@@ -110,7 +116,7 @@ def draw_wall(graph: Graph, targets: Targets, tuning: Array, density: Array, lin
         return behind(line, thickness)
     direction = draw_direction(lines, rng)
     ux, uy = math.cos(direction), math.sin(direction)
-    length = density[c.WALL_LENGTH] * math.exp(EVEN * rng.standard_normal())
+    length = draw_length(density, rng)
     if kind < tuning[c.AIMED_SHARE]:
         x, y = point_in(targets, pick_target(targets, tuning, rng), rng)
         if rng.random() < 0.5:

@@ -10,8 +10,8 @@ from prf.kernels import constants as c
 from prf.kernels._jit import Array, Rng, core
 from prf.kernels.state.graph import Graph
 from prf.kernels.state.proposal import ILLEGAL, Densities, Proposal
-from prf.kernels.walls.birth import draw_thickness
-from prf.kernels.walls.law import THICKEST, THINNEST, log_thickness
+from prf.kernels.walls.birth import behind, draw_length, draw_thickness, face
+from prf.kernels.walls.law import THICKEST, THINNEST, log_length, log_thickness
 from prf.kernels.walls.shape import Wall, length_of, placed, turned_round
 from prf.kernels.walls.table import Walls, put, start, take, wall_in
 
@@ -20,6 +20,8 @@ LEAST_STEP, MOST_STEP = 0.004, 0.5
 MOST_EXTENSION = 5.0
 """The same of an extension."""
 MOST_THICKENING = 0.2
+TO_DEPTH = 0.4
+"""Share of thicknesses that are drawn anew behind a face."""
 OFF = 0.5
 """Mean distance that an end is taken off a joint, or to one, m."""
 TO_JOINT = 0.5
@@ -186,20 +188,60 @@ def propose_end(graph: Graph, proposal: Proposal, walls: Walls, rng: Rng) -> Den
 
 
 @core
-def propose_thickness(graph: Graph, proposal: Proposal, walls: Walls, lines: Array, rng: Rng) -> Densities:
-    """Give a wall another thickness, by a step or from its law, about its middle or from a face that stays."""
+def end_face(wall: Wall) -> Wall:
+    """The face at the second end of a wall, which lies on its left."""
+    half = 0.5 * wall[4] / length_of(wall)
+    x, y = half * (wall[3] - wall[1]), -half * (wall[2] - wall[0])
+    return wall[2] + x, wall[3] + y, wall[2] - x, wall[3] - y, 0.0
+
+
+@core
+def box_behind(line: Wall, depth: float) -> Wall:
+    """The wall on the left of a face, which is one of its ends if the wall is deeper than the face is long."""
+    width = length_of(line)
+    if depth < width:
+        return behind(line, depth)
+    ux, uy = (line[1] - line[3]) / width, (line[2] - line[0]) / width
+    return placed(0.5 * (line[0] + line[2]), 0.5 * (line[1] + line[3]), ux, uy, depth, width)
+
+
+@core
+def depth_density(density: Array, lines: Array, depth: float) -> float:
+    """Density of a depth behind a face: that of a thickness or of a length, 1/m."""
+    return 0.5 * math.exp(log_thickness(lines, depth)) + 0.5 * math.exp(log_length(density, depth))
+
+
+@core
+def propose_depth(
+    graph: Graph, proposal: Proposal, walls: Walls, wall: Wall, density: Array, lines: Array, rng: Rng
+) -> Densities:
+    """Give a wall that was taken out another depth behind one of its faces, be that its thickness or its length."""
+    is_thickness, is_end = rng.random() < 0.5, rng.random() < 0.5
+    depth = draw_thickness(lines, rng) if is_thickness else draw_length(density, rng)
+    if is_thickness and not THINNEST < depth < THICKEST:
+        return ILLEGAL
+    line, before = (end_face(wall), length_of(wall)) if is_end else (face(wall), wall[4])
+    if not THINNEST < min(depth, length_of(line)) < THICKEST:
+        return ILLEGAL
+    forward, back = depth_density(density, lines, depth), depth_density(density, lines, before)
+    return put(graph, proposal, walls, box_behind(line, depth)), math.log(forward), math.log(back)
+
+
+@core
+def propose_thickness(
+    graph: Graph, proposal: Proposal, walls: Walls, density: Array, lines: Array, rng: Rng
+) -> Densities:
+    """Give a wall another thickness: by a step about its middle or from a face that stays, or by a depth drawn anew."""
     start(proposal, walls)
     if graph.counts[c.WALLS] == 0:
         return ILLEGAL
     wall = pick_wall(graph, proposal, walls, rng)
-    is_step, is_middle = rng.random() < 0.6, rng.random() < 0.3
-    thickness = wall[4] + step(LEAST_STEP, MOST_THICKENING, rng) if is_step else draw_thickness(lines, rng)
+    if rng.random() < TO_DEPTH:
+        return propose_depth(graph, proposal, walls, wall, density, lines, rng)
+    thickness = wall[4] + step(LEAST_STEP, MOST_THICKENING, rng)
     if not THINNEST < thickness < THICKEST:
         return ILLEGAL
-    by = 0.0 if is_middle else 0.5 * (thickness - wall[4]) / length_of(wall)
+    by = 0.0 if rng.random() < 0.3 else 0.5 * (thickness - wall[4]) / length_of(wall)
     dx, dy = -by * (wall[3] - wall[1]), by * (wall[2] - wall[0])
     moved = (wall[0] + dx, wall[1] + dy, wall[2] + dx, wall[3] + dy, thickness)
-    legal = put(graph, proposal, walls, moved)
-    if is_step:
-        return legal, 0.0, 0.0
-    return legal, log_thickness(lines, thickness), log_thickness(lines, wall[4])
+    return put(graph, proposal, walls, moved), 0.0, 0.0

@@ -51,7 +51,7 @@ def propose_walls(chain: Chain, walls: Walls, move: int, rng: Rng) -> Densities:
     if move == c.MOVE_END:
         return propose_end(graph, proposal, walls, rng)
     if move == c.THICKNESS:
-        return propose_thickness(graph, proposal, walls, lines, rng)
+        return propose_thickness(graph, proposal, walls, density, lines, rng)
     if move == c.GAP:
         return propose_gap(graph, proposal, walls, rng)
     if move == c.MERGE_WALLS:
