@@ -70,10 +70,10 @@ class Prior(Table):
     map: Literal["polygons", "walls"] = key(
         "polygons", "", "what a map is: polygons (the Arak process), or walls with a thickness", flag="polygons|walls"
     )
-    wall_density: float = key(0.1, "1/m²", "walls: their rate before interactions", gt=0.0, le=1e6)
-    wall_length: float = key(1.0, "m", "walls: median length before interactions", **LENGTH)
+    wall_density: float = key(0.4, "1/m²", "walls: their rate before interactions", gt=0.0, le=1e6)
+    wall_length: float = key(1.5, "m", "walls: median length before interactions", **LENGTH)
     wall_thickness: float = key(0.12, "m", "walls: median of the common values of thickness", ge=0.02, le=1.0)
-    free_end: float = key(2.0, "", "walls: cost of an end that is joined to no wall, nats", ge=0.0, le=1e6)
+    free_end: float = key(0.5, "", "walls: cost of an end that is joined to no wall, nats", ge=0.0, le=1e6)
     crossing: float = key(3.0, "", "walls: cost of a crossing without a joint, nats", ge=0.0, le=1e6)
 
     @property

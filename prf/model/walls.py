@@ -40,10 +40,10 @@ N_WALL = 5
 class WallPrior:
     """A Poisson process of walls with what its interactions cost (:mod:`prf.kernels.walls.law`)."""
 
-    density: float = 0.1  # walls a square metre
-    length: float = 1.0  # median, m
+    density: float = 0.4  # walls a square metre
+    length: float = 1.5  # median, m
     thickness: float = 0.12  # median of its common values, m
-    free_end: float = 2.0  # nats
+    free_end: float = 0.5  # nats
     crossing: float = 3.0  # nats
 
     def common(self) -> Floats:

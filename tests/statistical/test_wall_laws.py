@@ -41,17 +41,17 @@ def test_the_prior_has_the_law_of_rejection_and_another_law_is_told() -> None:
 def test_constants_are_the_integrals_of_means(weight: str, of: str, sign: float) -> None:
     """Thermodynamics: d log Z / d log density is the mean number of walls, and -d log Z / d cost that of free ends."""
     most = getattr(PRIOR, weight)
-    nodes, shares = np.polynomial.legendre.leggauss(5)
+    nodes, shares = np.polynomial.legendre.leggauss(4)
     integral, variance = 0.0, 0.0
     for k, (node, share) in enumerate(zip(0.5 * most * (nodes + 1.0), 0.5 * most * shares, strict=True)):
-        mean, error = mean_of(by_chain(10_000, 11 + k, dataclasses.replace(PRIOR, **{weight: node})), of)
+        mean, error = mean_of(by_chain(6_000, 11 + k, dataclasses.replace(PRIOR, **{weight: node})), of)
         share *= sign / (node if weight == "density" else 1.0)
         integral, variance = integral + share * mean, variance + (share * error) ** 2
     for at, sign_there in ((most, -1.0), (0.0, 1.0)):
-        constant, error = log_constant(40_000, 31, dataclasses.replace(PRIOR, **{weight: at}))
+        constant, error = log_constant(12_000, 31, dataclasses.replace(PRIOR, **{weight: at}))
         integral, variance = integral + sign_there * constant, variance + error**2
     assert abs(integral) < WORST * math.sqrt(variance), (integral, variance)
-    assert math.sqrt(variance) < 0.05
+    assert math.sqrt(variance) < 0.08
 
 
 SEED = 20260728
