@@ -23,6 +23,7 @@ from prf.kernels.walls.table import MOST_WALLS, N_ROW, N_WALL_COUNTS, Walls
 from prf.model.coloring import Coloring, from_polygons
 from prf.model.layout import make_graph
 from prf.model.orientation import MEAN_STRENGTH, Orientation
+from prf.model.ranges import FIRST_LEVEL, number_of_levels
 from prf.model.window import INTERIOR, Window
 from prf.shell.errors import InputError
 
@@ -32,6 +33,8 @@ SPREAD = 0.5
 """Standard deviation of the logarithm of a common value of the thickness."""
 THINNED = (0.0, 1e-7, 1e-6, 1e-5)
 """Shares of the thickness."""
+FIRST_OF_WALLS = 1_000
+"""Beams at least that are evaluated at first, where there are further stages."""
 N_WALL = 5
 """Numbers of a wall: x and y of both ends of its centre line, and its thickness, metres."""
 
@@ -92,6 +95,11 @@ def scratch_walls(capacity: int) -> Walls:
 def moves_of(prior: WallPrior | None) -> tuple[tuple[str, float], ...]:
     """Return the name and the weight of each move of a chain."""
     return c.MOVES if prior is None else c.WALL_MOVES
+
+
+def levels_of(prior: WallPrior | None, asked: int | None, n_beams: int) -> int:
+    """Return in how many stages so many beams are evaluated, as `asked`: a wall has many on it, few of which tell."""
+    return asked or number_of_levels(n_beams, FIRST_LEVEL if prior is None else FIRST_OF_WALLS)
 
 
 def graph_at(prior: WallPrior | None, coloring: Coloring, capacity: int) -> Graph:

@@ -110,8 +110,8 @@ class PoseTurns(Plain):
         # Once more from the poses alone: what was added up on the way depends on it.
         maximum = float(chain.cones.model[SONAR_MAX])
         place_readings(self.state, chain.graph.window, chain.beams.model, maximum, chain.beams.ray, chain.cones.pose)
-        ray, weight = chain.beams.ray, laser.readings.weight
-        beams = make_beams(grid, laser.model, ray, weight, capacity, target.levels(len(ray)))
+        n_levels = chain.beams.first_beam.shape[1]
+        beams = make_beams(grid, laser.model, chain.beams.ray, laser.readings.weight, capacity, n_levels)
         cones = make_cones(grid, sonar.model, chain.cones.pose, capacity)
         cones.sight.counts[MAY_CROSS] = chain.cones.sight.counts[MAY_CROSS]
         return chain._replace(

@@ -36,18 +36,9 @@ from prf.model.layout import (
 )
 from prf.model.orientation import PLAIN, Orientation
 from prf.model.points import log_density, make_points, paint
-from prf.model.ranges import (
-    FIRST_LEVEL,
-    empty_lists,
-    make_beams,
-    make_cones,
-    make_poses,
-    make_rays,
-    make_sight,
-    number_of_levels,
-)
+from prf.model.ranges import empty_lists, make_beams, make_cones, make_poses, make_rays, make_sight
 from prf.model.sensors import LaserModel, PointModel, SonarModel
-from prf.model.walls import WallPrior, cover, graph_at, has_walls, moves_of, run_in_walls
+from prf.model.walls import WallPrior, cover, graph_at, has_walls, levels_of, moves_of, run_in_walls
 from prf.model.window import Window
 from prf.poses.model import PoseModel
 from prf.readings import PointTable, Readings
@@ -96,8 +87,6 @@ def point_data(xy: Floats, value: Floats, model: PointModel) -> PointData:
     return Observed(PointTable(xy, value, np.arange(1, len(value) + 1), "arrays"), model)
 
 
-FIRST_OF_WALLS = 1_000
-"""Beams at least that are evaluated at first in a map of walls, where there are further stages."""
 NO_LASER = laser_data(np.zeros((0, 2)), np.zeros(0), np.zeros(0), LaserModel(max_range=1.0))
 NO_SONAR = sonar_data(np.zeros((0, 2)), np.zeros(0), np.zeros(0), np.zeros(0), SonarModel())
 """Stand for a sensor without readings; its model is of no consequence."""
@@ -197,11 +186,6 @@ class Target:
         longest = max(self.window.width, self.window.height)
         share = 0.1 if self.laser is None and self.sonar is None else 0.04
         return max(share / self.scale, longest / 1000.0)
-
-    def levels(self, n_beams: int) -> int:
-        """Return in how many stages so many beams are evaluated; a wall has many on it, few of which tell."""
-        first = FIRST_LEVEL if self.walls is None else FIRST_OF_WALLS
-        return self.execution.levels or number_of_levels(n_beams, first)
 
     def target_side(self) -> float:
         """Return the side of the squares that births are aimed at, metres.
@@ -303,9 +287,9 @@ def make_chain(target: Target, coloring: Coloring) -> Chain:
     capacity = max(FIRST_CAPACITY, 2 * (len(coloring.xy) + c.MOST_CHANGES))
     graph = graph_at(target.walls, coloring, capacity)
     laser, ray = target.laser or NO_LASER, rays_of(target)
+    levels = levels_of(target.walls, target.execution.levels, len(ray))
     cell = target.cell_size()
-    if target.execution.cell is None:
-        # So many beams that their lists would fill the memory get larger cells.
+    if target.execution.cell is None:  # So many beams that their lists would fill the memory get larger cells.
         cell = max(cell, CELLS_A_LENGTH * float(ray[:, c.MAX_DISTANCE].sum()) / MOST_LISTED)
     grid = make_grid(*window, cell)
     weights = np.array([weight for _, weight in moves_of(target.walls)])
@@ -317,7 +301,7 @@ def make_chain(target: Target, coloring: Coloring) -> Chain:
     chain = Chain(
         graph=graph,
         edge_index=make_index(graph, grid, FIRST_CELL_ROOM),
-        beams=make_beams(grid, laser.model, ray, laser.readings.weight, capacity, target.levels(len(ray))),
+        beams=make_beams(grid, laser.model, ray, laser.readings.weight, capacity, levels),
         cones=make_cones(grid, (target.sonar or NO_SONAR).model, poses_of(target), capacity),
         points=painted_points(target.points, coloring),
         sensors=make_sites(grid, white_places(target), coloring),
