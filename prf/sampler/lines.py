@@ -12,7 +12,6 @@ import shapely
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from prf.kernels.walls.law import THICKEST
 from prf.model.coloring import Coloring
 from prf.model.ranges import unit_vectors
 from prf.model.walls import N_WALL, corners_of, map_of_walls
@@ -33,6 +32,8 @@ HOLE = 0.3
 SHORTEST, FEWEST = 0.15, 5
 """Metres, and returns, of a line."""
 MOST_FAILURES = 30
+THICKEST = 0.5
+"""Metres between two faces of one wall at most."""
 
 
 class Face(NamedTuple):

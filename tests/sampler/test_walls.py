@@ -55,11 +55,11 @@ def test_a_chain_starts_from_walls_that_cover_no_sensor_and_are_where_returns_li
     assert len(found) > 10
     shapes = shapely.polygons(corners_of(found))
     assert not shapely.intersects(shapely.union_all(shapes), shapely.points(white_places(target))).any()
-    assert np.hypot(*(found[:, 2:4] - found[:, :2]).T).sum() > 38.0  # a cupboard is one deep wall, not two faces
+    assert np.hypot(*(found[:, 2:4] - found[:, :2]).T).sum() > 40.0
     assert target.laser is not None
     ends = target.laser.readings.within(target.laser.model.limit).impacts()
     near = shapely.distance(shapely.union_all(shapely.boundary(shapes)), shapely.points(ends)) < 0.1
-    assert near.mean() > 0.9
+    assert near.mean() > 0.8
 
 
 def test_faces_of_a_wall_seen_from_both_sides_are_one_wall() -> None:
