@@ -19,8 +19,8 @@ from tests.conftest import ROOT
 
 MINIMUM = Path(__file__).with_name("minimum.txt")
 NEWEST = ROOT / "constraints.txt"
-UNTESTED = {"all", "bench"}
-"""Extras that name other extras, or that only benchmarks use."""
+UNTESTED = {"all", "bench", "docs"}
+"""Extras that name other extras, or that only benchmarks or the site use."""
 INFO = f"prf_mapq-{prf.__version__}.dist-info"
 
 
