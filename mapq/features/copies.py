@@ -90,8 +90,8 @@ def copy_columns(nearby: Nearby, shapes: PatchShapes, settings: FeatureSettings)
     like its copy. Of the motion that moves the tiles about onto layers like copies best, a horizontal one that may turn
     of upright planes or a vertical one of other planes: the likeness of what it moves (support), what that is above
     the likeness by the median motion (clear), the support by what is no second side of the same wall or slab (others),
-    the likeness of the tile's own layer there (own), how far the motion
-    moves along the normal of the tile (along) and its length, metres. A patch has the mean over its points.
+    the likeness of the tile's own layer there (own), how far the motion moves along the normal of the tile (along) and
+    its length, metres. A patch has the mean over its points.
     """
     step = 0.5 * shapes.tolerance(settings)
     half = int(np.ceil(FARTHEST / step))

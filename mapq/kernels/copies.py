@@ -15,6 +15,18 @@ ALIKE = 0.94
 
 
 @part
+def bearing(flat: Floats, place: Floats, i: int, j: int) -> tuple[float, float, float]:
+    """Return the normal of surface j as surface i sees it, ahead and aside, and metres that j moves in a turn about i.
+
+    The last along the normal of j, for each radian; `flat` (t, 2) and `place` (t, 2) as `self_shifts` has them.
+    """
+    ahead = flat[i, 0] * flat[j, 0] + flat[i, 1] * flat[j, 1]
+    aside = flat[i, 0] * flat[j, 1] - flat[i, 1] * flat[j, 0]
+    lever = flat[j, 1] * (place[j, 0] - place[i, 0]) - flat[j, 0] * (place[j, 1] - place[i, 1])
+    return ahead, aside, lever
+
+
+@part
 def gather_directions(
     profile: Floats,
     row: Ints,
@@ -36,9 +48,7 @@ def gather_directions(
     """
     n_used, n_layers = 0, profile.shape[1]
     for j in others:
-        ahead = flat[i, 0] * flat[j, 0] + flat[i, 1] * flat[j, 1]
-        aside = flat[i, 0] * flat[j, 1] - flat[i, 1] * flat[j, 0]
-        lever = flat[j, 1] * (place[j, 0] - place[i, 0]) - flat[j, 0] * (place[j, 1] - place[i, 1])
+        ahead, aside, lever = bearing(flat, place, i, j)
         at = int(np.floor(np.arctan2(aside, ahead) / np.pi * DIRECTIONS + 0.5))
         # What faces the other way is moved by as much to the other side.
         flip = at < 0 or at >= DIRECTIONS
@@ -121,12 +131,11 @@ def support_of_others(
     n_layers, r, k = profile.shape[1], best // len(motion), best % len(motion)
     explained, moved, total = 0.0, 0.0, 0.0
     for j in others:
-        ahead = flat[i, 0] * flat[j, 0] + flat[i, 1] * flat[j, 1]
-        aside = flat[i, 0] * flat[j, 1] - flat[i, 1] * flat[j, 0]
-        east, north = place[j, 0] - place[i, 0], place[j, 1] - place[i, 1]
-        if abs(ahead) > ALIKE and abs(flat[i, 0] * east + flat[i, 1] * north) < sides:
+        ahead, aside, lever = bearing(flat, place, i, j)
+        off = flat[i, 0] * (place[j, 0] - place[i, 0]) + flat[i, 1] * (place[j, 1] - place[i, 1])
+        if abs(ahead) > ALIKE and abs(off) < sides:
             continue
-        shift = int(np.floor(turn[r] * (flat[j, 1] * east - flat[j, 0] * north) / step + 0.5))
+        shift = int(np.floor(turn[r] * lever / step + 0.5))
         source = layer_at(ahead * motion[k, 0] + aside * motion[k, 1], step, n_layers) + shift
         total += weight[j]
         if 0 <= source < n_layers:

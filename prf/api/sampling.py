@@ -170,13 +170,14 @@ def sample(
     sources = by_kind(readings, sensors)
     loaded = settled(requested_by(config), prior, sensors, options)
     folder = None if output is None else Path(output)
+    logs = paths_of(chain.from_iterable(sources.values()))
     if folder is not None:
-        refuse_inputs([str(folder)], paths_of(chain.from_iterable(sources.values())))
+        refuse_inputs([str(folder)], logs)
     with _held(folder, force):
         used_seed = resolve_seed(seed)
         prepared, set_by = _prepared(sources, loaded, extend, forget)
         prepared.announce()
-        files = with_poses(paths_of(chain.from_iterable(sources.values())), loaded.settings)
+        files = with_poses(logs, loaded.settings)
         session = Session.start(files, prepared, folder, used_seed, _threads(threads), set_by)
         return _run_to_goal(session, rule, scheduler, (progress, watch, on_interrupt))
 

@@ -159,16 +159,22 @@ def aims_of(model: LaserModel, readings: Floats, weight: Floats) -> tuple[Floats
 
 
 def make_beams(
-    grid: Grid, model: LaserModel, ray: Floats, weight: Floats, edge_capacity: int, n_levels: int | None = None
+    grid: Grid,
+    model: LaserModel,
+    ray: Floats,
+    weight: Floats,
+    edge_capacity: int,
+    n_levels: int | None = None,
+    first_level: int = FIRST_LEVEL,
 ) -> Beams:
     """Lay out beams and the index of their cells, with room for the longest possible lists.
 
     `ray` (n, N_RAY). `weight` (n,): readings that each stands for, itself among them. `n_levels`: stages of a decision;
-    None: by the number of beams.
+    None: by the number of beams, `first_level` of them at least in the first.
     """
     n = len(ray)
     n_cells = grid.nx * grid.ny
-    n_levels = number_of_levels(n) if n_levels is None else n_levels
+    n_levels = number_of_levels(n, first_level) if n_levels is None else n_levels
     level = deal_levels(n, n_levels)
     slot_start, slot_cell, slot_exit, cell_start = _make_slots(grid, ray, level, n_levels)
     n_slots = len(slot_cell)

@@ -23,7 +23,7 @@ from prf.kernels.walls.table import MOST_WALLS, N_ROW, N_WALL_COUNTS, Walls
 from prf.model.coloring import Coloring, from_polygons
 from prf.model.layout import make_graph
 from prf.model.orientation import MEAN_STRENGTH, Orientation
-from prf.model.ranges import FIRST_LEVEL, number_of_levels
+from prf.model.ranges import FIRST_LEVEL
 from prf.model.window import INTERIOR, Window
 from prf.shell.errors import InputError
 
@@ -97,9 +97,9 @@ def moves_of(prior: WallPrior | None) -> tuple[tuple[str, float], ...]:
     return c.MOVES if prior is None else c.WALL_MOVES
 
 
-def levels_of(prior: WallPrior | None, asked: int | None, n_beams: int) -> int:
-    """Return in how many stages so many beams are evaluated, as `asked`: a wall has many on it, few of which tell."""
-    return asked or number_of_levels(n_beams, FIRST_LEVEL if prior is None else FIRST_OF_WALLS)
+def first_level(prior: WallPrior | None) -> int:
+    """Return how many beams are evaluated at first at least: a wall has many on it, few of which tell."""
+    return FIRST_LEVEL if prior is None else FIRST_OF_WALLS
 
 
 def graph_at(prior: WallPrior | None, coloring: Coloring, capacity: int) -> Graph:

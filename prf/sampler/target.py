@@ -38,7 +38,7 @@ from prf.model.orientation import PLAIN, Orientation
 from prf.model.points import log_density, make_points, paint
 from prf.model.ranges import empty_lists, make_beams, make_cones, make_poses, make_rays, make_sight
 from prf.model.sensors import LaserModel, PointModel, SonarModel
-from prf.model.walls import WallPrior, cover, graph_at, has_walls, levels_of, moves_of, run_in_walls
+from prf.model.walls import WallPrior, cover, first_level, graph_at, has_walls, moves_of, run_in_walls
 from prf.model.window import Window
 from prf.poses.model import PoseModel
 from prf.readings import PointTable, Readings
@@ -287,9 +287,9 @@ def make_chain(target: Target, coloring: Coloring) -> Chain:
     capacity = max(FIRST_CAPACITY, 2 * (len(coloring.xy) + c.MOST_CHANGES))
     graph = graph_at(target.walls, coloring, capacity)
     laser, ray = target.laser or NO_LASER, rays_of(target)
-    levels = levels_of(target.walls, target.execution.levels, len(ray))
-    cell = target.cell_size()
-    if target.execution.cell is None:  # So many beams that their lists would fill the memory get larger cells.
+    levels, cell = (target.execution.levels, first_level(target.walls)), target.cell_size()
+    if target.execution.cell is None:
+        # So many beams that their lists would fill the memory get larger cells.
         cell = max(cell, CELLS_A_LENGTH * float(ray[:, c.MAX_DISTANCE].sum()) / MOST_LISTED)
     grid = make_grid(*window, cell)
     weights = np.array([weight for _, weight in moves_of(target.walls)])
@@ -301,7 +301,7 @@ def make_chain(target: Target, coloring: Coloring) -> Chain:
     chain = Chain(
         graph=graph,
         edge_index=make_index(graph, grid, FIRST_CELL_ROOM),
-        beams=make_beams(grid, laser.model, ray, laser.readings.weight, capacity, levels),
+        beams=make_beams(grid, laser.model, ray, laser.readings.weight, capacity, *levels),
         cones=make_cones(grid, (target.sonar or NO_SONAR).model, poses_of(target), capacity),
         points=painted_points(target.points, coloring),
         sensors=make_sites(grid, white_places(target), coloring),

@@ -97,8 +97,8 @@ class PageHandler(BaseHTTPRequestHandler):
     timeout = PATIENCE
 
     def answer(self, path: str) -> Answer:
-        """Return the answer to a request of the page; :class:`Refused` where there is none."""
-        raise NotImplementedError
+        """Return the answer to a request of the page; :class:`Refused` where there is none, as here for all."""
+        raise Refused(HTTPStatus.NOT_FOUND)
 
     def handle_any(self) -> None:
         """Answer a request of whatever method."""
