@@ -191,7 +191,8 @@ def forget(graph: Graph, walls: Walls) -> None:
         if goes(walls, i):
             continue
         for k in range(n_old):
-            hold_ends(walls.row, i, wall_in(walls.row, walls.old[k]), -1.0)
+            if are_near(wall_in(walls.row, i), wall_in(walls.row, walls.old[k])):
+                hold_ends(walls.row, i, wall_in(walls.row, walls.old[k]), -1.0)
     for k in range(n_old):
         i, last = walls.old[k], graph.counts[c.WALLS] - 1
         set_remove(graph, c.WALLS, graph.members[c.WALLS, i])
@@ -206,6 +207,7 @@ def remember(graph: Graph, walls: Walls) -> None:
     n = graph.counts[c.WALLS]
     for k in range(walls.counts[N_NEW]):
         for i in range(n):
-            hold_ends(walls.row, i, wall_in(walls.new, k), 1.0)
+            if are_near(wall_in(walls.row, i), wall_in(walls.new, k)):
+                hold_ends(walls.row, i, wall_in(walls.new, k), 1.0)
     for k in range(walls.counts[N_NEW]):
         copy_row(walls.new, k, walls.row, n + k)
