@@ -15,6 +15,7 @@ from prf.kernels import constants as c
 from prf.kernels.readings.sonar_features import MAY_CROSS
 from prf.kernels.state.chain import Chain
 from prf.kernels.state.graph import Graph
+from prf.kernels.state.grid import make_grid
 from prf.kernels.walls.cover import cover_all
 from prf.kernels.walls.law import ALIKE, THICKEST, THINNEST, UNCOMMON
 from prf.kernels.walls.shape import number_walls
@@ -35,6 +36,8 @@ THINNED = (0.0, 1e-7, 1e-6, 1e-5)
 """Shares of the thickness."""
 FIRST_OF_WALLS = 1_000
 """Beams at least that are evaluated at first, where there are further stages."""
+NEAR_SQUARES = 5
+"""Side of the cells that say where returns are near, in squares that births are aimed at."""
 N_WALL = 5
 """Numbers of a wall: x and y of both ends of its centre line, and its thickness, metres."""
 
@@ -82,13 +85,16 @@ def thickness_density(thickness: Floats, common: Floats) -> Floats:
     return found
 
 
-def scratch_walls(capacity: int) -> Walls:
-    """Return the table of a run for a graph with room for so many edges."""
+def scratch_walls(chain: Chain) -> Walls:
+    """Return the table of a run, which :func:`prf.kernels.walls.table.fill` fills."""
+    grid = make_grid(*chain.graph.window, NEAR_SQUARES * chain.targets.grid.cell)
     return Walls(
-        np.zeros((capacity // 4 + MOST_WALLS, N_ROW)),
+        np.zeros((len(chain.graph.edge_length) // 4 + MOST_WALLS, N_ROW)),
         np.zeros((MOST_WALLS, N_ROW)),
         np.zeros(MOST_WALLS, np.int64),
         np.zeros(N_WALL_COUNTS, np.int64),
+        grid,
+        np.zeros(grid.nx * grid.ny, np.uint8),
     )
 
 
@@ -118,7 +124,7 @@ def has_walls(chain: Chain) -> bool:
 def run_in_walls(chain: Chain, rng: np.random.Generator, step: int) -> bool:
     """Run a chain of walls up to `step`; return False if it needs room first."""
     chain.cones.sight.counts[MAY_CROSS] = 1
-    return bool(run_walls(chain, scratch_walls(len(chain.graph.edge_length)), rng, step))
+    return bool(run_walls(chain, scratch_walls(chain), rng, step))
 
 
 def cover(chain: Chain) -> None:

@@ -21,7 +21,7 @@ from prf.kernels.state.chain import Chain
 from prf.kernels.state.proposal import find_cells
 from prf.kernels.walls.shape import is_covered
 from prf.kernels.walls.step import accept_walls, apply_walls, log_move_ratio, propose_walls
-from prf.kernels.walls.table import Walls, fill, wall_prior_change
+from prf.kernels.walls.table import ON_FIRST, SEEN, TOTAL_WEIGHT, WEIGHT, Walls, fill, wall_prior_change
 from prf.model.coloring import Coloring, black_at, check
 from prf.model.layout import grow, make_image, make_targets, pixel_centres, read_coloring
 from prf.model.orientation import Orientation
@@ -45,7 +45,7 @@ TOLERANCE = 1e-7
 @core_entry
 def attempt(chain: Chain, walls: Walls, move: int, rng: np.random.Generator) -> tuple[bool, bool, float, float]:
     """Propose and apply what is legal; return (legal, whether `accept` decides by log R, log R, change of prior)."""
-    fill(chain.graph, walls)
+    fill(chain.graph, chain.targets, walls)
     legal, log_forward, log_reverse = propose_walls(chain, walls, move, rng)
     if not legal:
         return False, True, -math.inf, -math.inf
@@ -54,9 +54,9 @@ def attempt(chain: Chain, walls: Walls, move: int, rng: np.random.Generator) -> 
     prior = wall_prior_change(chain.graph, walls, chain.density, chain.lines)
     if prior == -math.inf:
         return False, True, -math.inf, -math.inf
-    walls.new[:, 5:] = 0.0
+    walls.new[:, ON_FIRST:] = 0.0
     low = accept_walls(chain, walls, log_ratio, prior + log_ratio - 1e-9, rng)[0]
-    walls.new[:, 5:] = 0.0
+    walls.new[:, ON_FIRST:] = 0.0
     high = accept_walls(chain, walls, log_ratio, prior + log_ratio + 1e-9, rng)[0]
     apply_walls(chain, walls, prior, 0.0)
     return True, low and not high, log_ratio, prior
@@ -79,7 +79,7 @@ def plan_of(chain: Chain) -> Plan:
 
 
 def chain_with_targets(rng: np.random.Generator) -> Chain:
-    targets = make_targets(WINDOW, 0.06, rng.uniform(WINDOW[:2], WINDOW[2:], (300, 2)))
+    targets = make_targets(WINDOW, 0.06, rng.uniform(WINDOW[:2], (1.5, 2.5), (200, 2)))
     weight = np.cumsum(rng.exponential(size=len(targets.cell)))
     targets.cumulative[:] = weight / weight[-1]
     chain = make_chain(TARGET, Coloring.empty(WINDOW))._replace(targets=targets)
@@ -93,7 +93,7 @@ pytestmark = pytest.mark.uncompiled
 
 def test_every_move_has_the_ratio_that_enumeration_gives() -> None:
     rng = np.random.default_rng(7)
-    chain, seen = chain_with_targets(rng), np.zeros(c.N_WALL_MOVES, int)
+    chain, seen, weights = chain_with_targets(rng), np.zeros(c.N_WALL_MOVES, int), set()
     chain.density[c.INVERSE_TEMPERATURE] = 1.0
     for turn in range(20):
         while chain.graph.counts[c.NEEDS_ROOM]:
@@ -102,7 +102,7 @@ def test_every_move_has_the_ratio_that_enumeration_gives() -> None:
         for move in (c.WALL_BIRTH, c.WALL_BIRTH, *range(c.N_WALL_MOVES), c.GAP, c.MERGE_WALLS, c.HOLLOW, c.FILL_WALLS):
             if chain.graph.counts[c.NEEDS_ROOM]:
                 chain = grow(chain)
-            scratch, x = scratch_walls(len(chain.graph.edge_length)), walls_of(read_coloring(chain.graph))
+            scratch, x = scratch_walls(chain), walls_of(read_coloring(chain.graph))
             for _ in range(20):
                 legal, decides, log_ratio, prior = attempt(chain, scratch, move, rng)
                 if legal:
@@ -119,6 +119,9 @@ def test_every_move_has_the_ratio_that_enumeration_gives() -> None:
             assert prior == pytest.approx(log_density(y, plan) - log_density(x, plan), abs=1e-8), c.WALL_MOVES[move]
             assert decides
             seen[move] += 1
+            weights |= set(scratch.row[: chain.graph.counts[c.WALLS], WEIGHT])
+            assert scratch.counts[TOTAL_WEIGHT] == scratch.row[: chain.graph.counts[c.WALLS], WEIGHT].sum()
+    assert weights == {1.0, float(SEEN)}
     assert seen.min() >= 3, dict(zip([name for name, _ in c.WALL_MOVES], seen.tolist(), strict=True))
 
 
@@ -146,7 +149,7 @@ def test_twins_agree() -> None:
     chain = chain_with_readings(rng)
     chain.density[c.LIKELIHOOD_POWER] = 0.05
     chain.move_probabilities[:] = [0.05] * 7 + [0.2, 0.2, 0.125, 0.125]
-    for until in range(100, 2100, 100):
+    for until in range(100, 2700, 100):
         chain = run_chain(chain, rng, until)
         raw = read_coloring(chain.graph)
         walls, sums = bars(walls_of(raw)), chain.graph.sums.copy()

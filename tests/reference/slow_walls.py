@@ -17,7 +17,7 @@ from scipy import stats
 from scipy.special import i0e
 
 from prf.kernels import constants as c
-from prf.kernels.state.grid import Grid
+from prf.kernels.state.grid import Grid, make_grid
 from prf.model.walls import WallPrior
 from prf.model.window import Window
 
@@ -106,6 +106,25 @@ def pair_cost(one: Bar, other: Bar, crossing: float) -> float:
     return cost + (crossing if lines[0].intersects(lines[1]) and not joined else 0.0)
 
 
+def weight(wall: Bar, plan: Plan) -> float:
+    """How often a wall is picked beside others."""
+    wide, fine = make_grid(*plan.window, 5.0 * plan.grid.cell), plan.grid
+    n = 1 + int(wall.length / wide.cell)
+    middles = [(fine.x0 + (i + 0.5) * fine.cell, fine.y0 + (k + 0.5) * fine.cell) for i, k in plan.shares]
+    for part in np.arange(n + 1) / n:
+        here = wall.a + part * (wall.b - wall.a)
+        i, k = (here.real - wide.x0) // wide.cell, (here.imag - wide.y0) // wide.cell
+        away = [max(abs((x - wide.x0) // wide.cell - i), abs((y - wide.y0) // wide.cell - k)) for x, y in middles]
+        if min(away, default=0.0) <= 1.0:
+            return 8.0
+    return 1.0
+
+
+def log_pick(wall: Bar, walls: list[Bar], plan: Plan) -> float:
+    """Log probability that a wall is picked among all of a map."""
+    return math.log(weight(wall, plan) / sum(weight(each, plan) for each in walls))
+
+
 def is_same(one: Bar, other: Bar) -> bool:
     return any(abs(w.a - other.a) + abs(w.b - other.b) + abs(w.t - other.t) < SAME for w in (one, one.back()))
 
@@ -186,9 +205,9 @@ def both_ways(walls: list[Bar]) -> list[Bar]:
     return [way for wall in walls for way in (wall, wall.back())]
 
 
-def log_gap(whole: Bar, parts: list[Bar], n: int) -> float:
+def log_gap(walls: list[Bar], whole: Bar, parts: list[Bar], plan: Plan) -> float:
     """Log density of splitting a wall into two parts; -inf where it cannot be."""
-    total = 0.0
+    total, picked = 0.0, log_pick(whole, walls, plan)
     for one, other in (parts, parts[::-1]):
         for base, first, second in itertools.product((whole, whole.back()), (one, one.back()), (other, other.back())):
             drawn = behind(first, second)
@@ -198,12 +217,12 @@ def log_gap(whole: Bar, parts: list[Bar], n: int) -> float:
             if abs(first.length + drawn[0] + second.length - base.length) > SAME:
                 continue
             width = math.log((0.5 + math.sqrt(3.0)) * 2.0 * math.sqrt(abs(drawn[0])))
-            place = -math.log(2.0 * n * base.length) - width
+            place = picked - math.log(2.0 * base.length) - width
             total += math.exp(place + sum(log_cubed(value, 0.1) for value in drawn[1:]))
     return math.log(total) if total > 0.0 else -math.inf
 
 
-def log_merge(walls: list[Bar], parts: list[Bar], whole: Bar) -> float:
+def log_merge(walls: list[Bar], parts: list[Bar], whole: Bar, plan: Plan) -> float:
     """Log density of merging two walls into one."""
     total = 0.0
     for one, other in (parts, parts[::-1]):
@@ -215,7 +234,7 @@ def log_merge(walls: list[Bar], parts: list[Bar], whole: Bar) -> float:
                     continue
                 length = first.length + behind(first, second)[0] + second.length  # type: ignore[index]
                 if is_same(Bar(first.a, first.a + length * first.unit, first.t), whole):
-                    total += 1.0 / (2.0 * len(walls) * len(fitting))
+                    total += 0.5 * math.exp(log_pick(one, walls, plan)) / len(fitting)
     return math.log(total) if total > 0.0 else -math.inf
 
 
@@ -247,18 +266,21 @@ def filled(base: Bar, other: Bar, quarters: int) -> Box | None:
 
 
 def fill_ratios(walls: list[Bar], parts: list[Bar], box: Bar, plan: Plan) -> list[float]:
-    """Log of the density of making two walls of a box over that of filling them, in each way that does both."""
-    found, n = [], len(walls)
+    """Log of the density of making two walls of a box over that of filling them, in each way that does both.
+
+    `walls` are those of the map with both.
+    """
+    found, boxed = [], [box, *(wall for wall in walls if not any(is_same(wall, part) for part in parts))]
     for base, other in ((parts[0], parts[1]), (parts[1], parts[0])):
         rest = both_ways([wall for wall in walls if not is_same(wall, base)])
         for way, side, quarters in itertools.product((base, base.back()), (other, other.back()), (1, 2, 3)):
             made = filled(way, side, quarters)
             if made is None or not is_same(made.bar, box):
                 continue
-            hollow = -math.log(2.0 * (n - 1)) + log_cubed(made.past, 1.0) + log_cubed(made.near, 0.5)
+            hollow = log_pick(box, boxed, plan) + log_cubed(made.past, 1.0) + log_cubed(made.near, 0.5)
             hollow += log_cubed(made.turn, 0.1) + sum(log_thickness(wall.t, plan.common) for wall in parts)
             fitting = sum(filled(way, wall, quarters) is not None for wall in rest)
-            found.append(hollow + math.log(2.0 * n * fitting))
+            found.append(hollow - log_pick(base, walls, plan) + math.log(fitting))
     return found
 
 
@@ -271,14 +293,19 @@ def log_ratios(move: int, x: Floats, y: Floats, plan: Plan) -> list[float]:
     if move == c.WALL_DEATH:
         return [log_birth(gone[0], plan) + math.log(n)]
     if move == c.GAP:
-        return [log_merge(bars(y), come, gone[0]) - log_gap(gone[0], come, n)]
+        return [log_merge(bars(y), come, gone[0], plan) - log_gap(bars(x), gone[0], come, plan)]
     if move == c.MERGE_WALLS:
-        return [log_gap(come[0], gone, n - 1) - log_merge(bars(x), gone, come[0])]
+        return [log_gap(bars(y), come[0], gone, plan) - log_merge(bars(x), gone, come[0], plan)]
     if move == c.HOLLOW:
         return [-each for each in fill_ratios(bars(y), come, gone[0], plan)]
     if move == c.FILL_WALLS:
         return fill_ratios(bars(x), gone, come[0], plan)
-    old, new = gone[0], come[0]
+    picked = log_pick(come[0], bars(y), plan) - log_pick(gone[0], bars(x), plan)
+    return [picked + each for each in change_ratios(move, gone[0], come[0], stay, plan)]
+
+
+def change_ratios(move: int, old: Bar, new: Bar, stay: list[Bar], plan: Plan) -> list[float]:
+    """The same of a move of one wall, once it is picked."""
     new = new if (new.unit / old.unit).real > 0.0 else new.back()
     if move == c.MOVE_END:
         old, new = (old, new) if abs(old.a - new.a) < SAME else (old.back(), new.back())
@@ -289,7 +316,8 @@ def log_ratios(move: int, x: Floats, y: Floats, plan: Plan) -> list[float]:
             log_step(old.t - new.t, 0.004, 0.2) - log_step(new.t - old.t, 0.004, 0.2),
             *depth_ratios(old, new, plan),
         ]
-    return [0.0] if is_step(move, old, new) else []
+    # A short wall may turn by more than a right angle.
+    return [0.0] if is_step(move, old, new) or is_step(move, old, new.back()) else []
 
 
 def faces(bar: Bar) -> list[tuple[complex, complex, float]]:

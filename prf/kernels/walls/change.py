@@ -1,7 +1,7 @@
 """Moves of one wall: shift, turn, extend, an end to a joint or off it, thickness (docs/walls.md).
 
 All but the last two are symmetric over middle (or an end), direction, length and thickness, between which the measure
-is the same: densities are 0.
+is the same: densities are 0. Picking the wall has its own (:func:`prf.kernels.walls.table.log_picked`).
 """
 
 import math
@@ -13,7 +13,7 @@ from prf.kernels.state.proposal import ILLEGAL, Densities, Proposal
 from prf.kernels.walls.birth import behind, draw_length, draw_thickness, face
 from prf.kernels.walls.law import THICKEST, THINNEST, log_length, log_thickness
 from prf.kernels.walls.shape import Wall, length_of, placed, turned_round
-from prf.kernels.walls.table import Walls, put, start, take, wall_in
+from prf.kernels.walls.table import SEEN, WEIGHT, Walls, put, start, take, wall_in
 
 LEAST_STEP, MOST_STEP = 0.004, 0.5
 """Metres: a shift has a normal law whose scale is drawn, even in its logarithm, between these."""
@@ -38,9 +38,12 @@ def step(least: float, most: float, rng: Rng) -> float:
 
 @core
 def pick_wall(graph: Graph, proposal: Proposal, walls: Walls, rng: Rng) -> Wall:
-    """Take a uniform wall out, from either end; there is one."""
+    """Take a wall out by its weight, from either end; there is one."""
     n = graph.counts[c.WALLS]
-    wall = take(graph, proposal, walls, min(int(rng.random() * n), n - 1))
+    i = min(int(rng.random() * n), n - 1)
+    while SEEN * rng.random() >= walls.row[i, WEIGHT]:
+        i = min(int(rng.random() * n), n - 1)
+    wall = take(graph, proposal, walls, i)
     return wall if rng.random() < 0.5 else turned_round(wall)
 
 

@@ -104,8 +104,7 @@ def log_split(length: float, gap: float, aside: float, turn: float, thicker: flo
 def propose_gap(graph: Graph, proposal: Proposal, walls: Walls, rng: Rng) -> Densities:
     """Split a wall at a gap."""
     start(proposal, walls)
-    n = graph.counts[c.WALLS]
-    if n == 0:
+    if graph.counts[c.WALLS] == 0:
         return ILLEGAL
     wall = pick_wall(graph, proposal, walls, rng)
     length = length_of(wall)
@@ -123,16 +122,16 @@ def propose_gap(graph: Graph, proposal: Proposal, walls: Walls, rng: Rng) -> Den
         return ILLEGAL
     if not beside(first, second)[0]:
         return ILLEGAL
-    log_forward = -math.log(2.0 * n) + log_split(length, gap, aside, turn, thicker)
+    log_forward = log_split(length, gap, aside, turn, thicker)
     parts = count_parts(graph, walls, first) + 1
     if beside(first, turned_round(second))[0]:
         parts += 1
-    return True, log_forward, -math.log(2.0 * (n + 1.0) * parts)
+    return True, log_forward, -math.log(float(parts))
 
 
 @core
 def propose_merge(graph: Graph, proposal: Proposal, walls: Walls, rng: Rng) -> Densities:
-    """Merge a uniform wall, beyond one of its ends, with a uniform one of those that may be its second part."""
+    """Merge a wall, beyond one of its ends, with a uniform one of those that may be its second part."""
     start(proposal, walls)
     n = graph.counts[c.WALLS]
     if n < 2:
@@ -155,7 +154,7 @@ def propose_merge(graph: Graph, proposal: Proposal, walls: Walls, rng: Rng) -> D
             if chosen == 0:
                 take(graph, proposal, walls, i)
                 legal = put(graph, proposal, walls, with_length(first, length))
-                log_reverse = -math.log(2.0 * (n - 1.0)) + log_split(length, gap, aside, turn, thicker)
-                return legal, -math.log(2.0 * n * parts), log_reverse
+                log_reverse = log_split(length, gap, aside, turn, thicker)
+                return legal, -math.log(float(parts)), log_reverse
             chosen -= 1
     return ILLEGAL

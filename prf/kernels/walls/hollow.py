@@ -109,8 +109,7 @@ def log_hollow(lines: Array, past: float, near: float, turn: float, base: Wall, 
 def propose_hollow(graph: Graph, proposal: Proposal, walls: Walls, lines: Array, rng: Rng) -> Densities:
     """Make two walls of a thick one."""
     start(proposal, walls)
-    n = graph.counts[c.WALLS]
-    if n == 0:
+    if graph.counts[c.WALLS] == 0:
         return ILLEGAL
     box, quarters = pick_wall(graph, proposal, walls, rng), 1 + min(int(3.0 * rng.random()), 2)
     past, near, turn = cubed(PAST, rng), cubed(BESIDE, rng), cubed(ASKEW, rng)
@@ -125,14 +124,14 @@ def propose_hollow(graph: Graph, proposal: Proposal, walls: Walls, lines: Array,
         return ILLEGAL
     if not filled(base, other, quarters)[0]:
         return ILLEGAL
-    log_forward = -math.log(2.0 * n) + log_hollow(lines, past, near, turn, base, other)
+    log_forward = log_hollow(lines, past, near, turn, base, other)
     sides = count_sides(graph, walls, base, quarters) + 1
-    return True, log_forward, -math.log(2.0 * (n + 1.0) * sides)
+    return True, log_forward, -math.log(float(sides))
 
 
 @core
 def propose_fill(graph: Graph, proposal: Proposal, walls: Walls, lines: Array, rng: Rng) -> Densities:
-    """Fill a uniform wall and a uniform one of those that stand on another side of the same box."""
+    """Fill a wall and a uniform one of those that stand on another side of the same box."""
     start(proposal, walls)
     n = graph.counts[c.WALLS]
     if n < 2:
@@ -150,7 +149,7 @@ def propose_fill(graph: Graph, proposal: Proposal, walls: Walls, lines: Array, r
             continue
         if chosen == 0:
             other = take(graph, proposal, walls, i)
-            log_reverse = -math.log(2.0 * (n - 1.0)) + log_hollow(lines, past, near, turn, base, other)
-            return put(graph, proposal, walls, box), -math.log(2.0 * n * sides), log_reverse
+            log_reverse = log_hollow(lines, past, near, turn, base, other)
+            return put(graph, proposal, walls, box), -math.log(float(sides)), log_reverse
         chosen -= 1
     return ILLEGAL

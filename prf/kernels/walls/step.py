@@ -11,7 +11,7 @@ from prf.kernels.state.chain import Chain, apply_edges
 from prf.kernels.state.graph import set_add
 from prf.kernels.state.guards import is_barred
 from prf.kernels.state.image import count_edge
-from prf.kernels.state.proposal import N_NEW_EDGES, N_OLD_EDGES, Densities, find_cells
+from prf.kernels.state.proposal import ILLEGAL, N_NEW_EDGES, N_OLD_EDGES, Densities, find_cells
 from prf.kernels.state.sites import any_inside
 from prf.kernels.walls.birth import propose_wall_birth, propose_wall_death
 from prf.kernels.walls.change import propose_end, propose_extend, propose_shift, propose_thickness, propose_turn
@@ -19,7 +19,7 @@ from prf.kernels.walls.cover import cover_image, cover_points
 from prf.kernels.walls.gap import propose_gap, propose_merge
 from prf.kernels.walls.hollow import propose_fill, propose_hollow
 from prf.kernels.walls.shape import write_corners
-from prf.kernels.walls.table import N_NEW, N_OLD, Walls, fill, forget, remember, wall_prior_change
+from prf.kernels.walls.table import N_NEW, N_OLD, Walls, fill, forget, log_picked, remember, wall_prior_change
 
 
 @core
@@ -34,14 +34,9 @@ def choose_wall_move(move_probabilities: Array, rng: Rng) -> int:
 
 
 @spine
-def propose_walls(chain: Chain, walls: Walls, move: int, rng: Rng) -> Densities:
-    """Fill the proposal; return whether it is legal, log_forward and log_reverse (see ``moves``)."""
-    graph, targets, proposal = chain.graph, chain.targets, chain.proposal
-    tuning, density, lines = chain.tuning, chain.density, chain.lines
-    if move == c.WALL_BIRTH:
-        return propose_wall_birth(graph, targets, proposal, walls, tuning, density, lines, rng)
-    if move == c.WALL_DEATH:
-        return propose_wall_death(graph, targets, proposal, walls, tuning, density, lines, rng)
+def propose_change(chain: Chain, walls: Walls, move: int, rng: Rng) -> Densities:
+    """The same of a move of walls that are there, without the density of picking the first."""
+    graph, proposal, density, lines = chain.graph, chain.proposal, chain.density, chain.lines
     if move == c.SHIFT_WALL:
         return propose_shift(graph, proposal, walls, rng)
     if move == c.TURN_WALL:
@@ -59,6 +54,22 @@ def propose_walls(chain: Chain, walls: Walls, move: int, rng: Rng) -> Densities:
     if move == c.HOLLOW:
         return propose_hollow(graph, proposal, walls, lines, rng)
     return propose_fill(graph, proposal, walls, lines, rng)
+
+
+@spine
+def propose_walls(chain: Chain, walls: Walls, move: int, rng: Rng) -> Densities:
+    """Fill the proposal; return whether it is legal, log_forward and log_reverse (see ``moves``)."""
+    graph, targets, proposal = chain.graph, chain.targets, chain.proposal
+    tuning, density, lines = chain.tuning, chain.density, chain.lines
+    if move == c.WALL_BIRTH:
+        return propose_wall_birth(graph, targets, proposal, walls, tuning, density, lines, rng)
+    if move == c.WALL_DEATH:
+        return propose_wall_death(graph, targets, proposal, walls, tuning, density, lines, rng)
+    legal, log_forward, log_reverse = propose_change(chain, walls, move, rng)
+    if not legal:
+        return ILLEGAL
+    forward, back = log_picked(walls)
+    return True, log_forward + forward, log_reverse + back
 
 
 @core
@@ -168,7 +179,7 @@ def step_walls(chain: Chain, walls: Walls, rng: Rng) -> bool:
 def run_wall_steps(chain: Chain, walls: Walls, rng: Rng, until: int) -> bool:
     """The loop of :func:`run_walls`, without reference counts."""
     counts = chain.graph.counts
-    fill(chain.graph, walls)
+    fill(chain.graph, chain.targets, walls)
     while counts[c.STEP] < until:
         if counts[c.NEEDS_ROOM] != 0:
             return False

@@ -2,37 +2,51 @@
 
 The table follows from the graph and is filled anew at the start of every run, row i being the wall of the i-th member
 of the set of walls. A proposal names rows that go and walls that come, two of each at most.
+
+Moves of what is there pick a wall near a return `SEEN` times as often as one that no reading tells of: most of the
+time goes where the readings have their say. The weight follows from where the wall lies, and the way back picks by the
+weights after the move.
 """
 
+import math
 from typing import NamedTuple
 
 from prf.kernels import constants as c
 from prf.kernels._jit import Array, core
 from prf.kernels.state.graph import Graph, set_remove
+from prf.kernels.state.grid import Grid, axis_index, cell_at
 from prf.kernels.state.proposal import Proposal, clear
+from prf.kernels.state.targets import Targets
 from prf.kernels.walls.law import are_near, holds, log_alone, pair_cost
-from prf.kernels.walls.shape import Wall, add_wall, remove_wall, wall_of
+from prf.kernels.walls.shape import Wall, add_wall, length_of, remove_wall, wall_of
+
+SEEN = 8
+"""Weight of a wall near a return; that of others is 1."""
 
 # Columns of ``Walls.row`` after the five numbers of a wall.
-ON_FIRST = 5  # how many other walls hold its first end
-ON_SECOND = 6
-N_ROW = 7
+WEIGHT = 5  # how often it is picked, beside others
+ON_FIRST = 6  # how many other walls hold its first end
+ON_SECOND = 7
+N_ROW = 8
 
 # Entries of ``Walls.counts``.
 N_OLD = 0
 N_NEW = 1
-N_WALL_COUNTS = 2
+TOTAL_WEIGHT = 2  # of all rows
+N_WALL_COUNTS = 3
 MOST_WALLS = 2
 """No proposal removes or adds more walls than this."""
 
 
 class Walls(NamedTuple):
-    """Rows of the walls of a map, and of those that a proposal adds."""
+    """Rows of the walls of a map, and of those that a proposal adds; and where returns are near."""
 
     row: Array  # (capacity, N_ROW) f8
     new: Array  # (MOST_WALLS, N_ROW) f8
     old: Array  # (MOST_WALLS,) i8 rows that go
     counts: Array  # (N_WALL_COUNTS,) i8
+    grid: Grid  # of `is_near`
+    is_near: Array  # (n_cells,) u1 whether a return lies in a cell or in one beside it
 
 
 @core
@@ -70,11 +84,40 @@ def hold_ends(rows: Array, i: int, wall: Wall, change: float) -> None:
 
 
 @core
-def fill(graph: Graph, walls: Walls) -> None:
+def note_returns(targets: Targets, walls: Walls) -> None:
+    """Mark the cells near a return; all of them where there is none."""
+    grid, fine, n = walls.grid, targets.grid, targets.cell.shape[0]
+    walls.is_near[:] = 1 if n == 0 else 0
+    for number in range(n):
+        x = fine.x0 + (targets.cell[number] % fine.nx + 0.5) * fine.cell
+        y = fine.y0 + (targets.cell[number] // fine.nx + 0.5) * fine.cell
+        i, k = axis_index((x - grid.x0) / grid.cell, grid.nx), axis_index((y - grid.y0) / grid.cell, grid.ny)
+        for row in range(max(k - 1, 0), min(k + 2, grid.ny)):
+            for column in range(max(i - 1, 0), min(i + 2, grid.nx)):
+                walls.is_near[column + grid.nx * row] = 1
+
+
+@core
+def weight_of(walls: Walls, wall: Wall) -> float:
+    """How often a wall is picked: `SEEN` if a place along it, one a cell at least, is near a return, else 1."""
+    n = 1 + int(length_of(wall) / walls.grid.cell)
+    for i in range(n + 1):
+        x, y = wall[0] + i / n * (wall[2] - wall[0]), wall[1] + i / n * (wall[3] - wall[1])
+        if walls.is_near[cell_at(walls.grid, x, y)] != 0:
+            return float(SEEN)
+    return 1.0
+
+
+@core
+def fill(graph: Graph, targets: Targets, walls: Walls) -> None:
     """Write the rows of all walls of a graph."""
     n = graph.counts[c.WALLS]
+    note_returns(targets, walls)
+    walls.counts[TOTAL_WEIGHT] = 0
     for i in range(n):
         write(walls.row, i, wall_of(graph, graph.members[c.WALLS, i]))
+        walls.row[i, WEIGHT] = weight_of(walls, wall_in(walls.row, i))
+        walls.counts[TOTAL_WEIGHT] += int(walls.row[i, WEIGHT])
     for i in range(n):
         for k in range(n):
             if k != i and are_near(wall_in(walls.row, i), wall_in(walls.row, k)):
@@ -85,7 +128,8 @@ def fill(graph: Graph, walls: Walls) -> None:
 def start(proposal: Proposal, walls: Walls) -> None:
     """Begin an empty proposal."""
     clear(proposal)
-    walls.counts[:] = 0
+    walls.counts[N_OLD] = 0
+    walls.counts[N_NEW] = 0
 
 
 @core
@@ -100,9 +144,25 @@ def take(graph: Graph, proposal: Proposal, walls: Walls, i: int) -> Wall:
 @core
 def put(graph: Graph, proposal: Proposal, walls: Walls, wall: Wall) -> bool:
     """Add a wall; return whether it is one, inside the window."""
-    write(walls.new, walls.counts[N_NEW], wall)
+    if not add_wall(graph, proposal, wall):
+        return False
+    k = walls.counts[N_NEW]
+    write(walls.new, k, wall)
+    walls.new[k, WEIGHT] = weight_of(walls, wall)
     walls.counts[N_NEW] += 1
-    return add_wall(graph, proposal, wall)
+    return True
+
+
+@core
+def log_picked(walls: Walls) -> tuple[float, float]:
+    """Log probability that the first wall that goes was picked, and that the way back picks the first that comes."""
+    before = walls.counts[TOTAL_WEIGHT]
+    after = float(before)
+    for k in range(walls.counts[N_OLD]):
+        after -= walls.row[walls.old[k], WEIGHT]
+    for k in range(walls.counts[N_NEW]):
+        after += walls.new[k, WEIGHT]
+    return math.log(walls.row[walls.old[0], WEIGHT] / before), math.log(walls.new[0, WEIGHT] / after)
 
 
 @core
@@ -195,6 +255,7 @@ def forget(graph: Graph, walls: Walls) -> None:
                 hold_ends(walls.row, i, wall_in(walls.row, walls.old[k]), -1.0)
     for k in range(n_old):
         i, last = walls.old[k], graph.counts[c.WALLS] - 1
+        walls.counts[TOTAL_WEIGHT] -= int(walls.row[i, WEIGHT])
         set_remove(graph, c.WALLS, graph.members[c.WALLS, i])
         copy_row(walls.row, last, walls.row, i)
         if k == 0 and n_old == 2 and walls.old[1] == last:
@@ -211,3 +272,4 @@ def remember(graph: Graph, walls: Walls) -> None:
                 hold_ends(walls.row, i, wall_in(walls.new, k), 1.0)
     for k in range(walls.counts[N_NEW]):
         copy_row(walls.new, k, walls.row, n + k)
+        walls.counts[TOTAL_WEIGHT] += int(walls.new[k, WEIGHT])
