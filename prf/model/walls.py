@@ -87,7 +87,7 @@ def thickness_density(thickness: Floats, common: Floats) -> Floats:
 
 def scratch_walls(chain: Chain) -> Walls:
     """Return the table of a run, which :func:`prf.kernels.walls.table.fill` fills."""
-    grid = make_grid(*chain.graph.window, NEAR_SQUARES * chain.targets.grid.cell)
+    grid = make_grid(*Window(*chain.graph.window.tolist()), NEAR_SQUARES * chain.targets.grid.cell)
     return Walls(
         np.zeros((len(chain.graph.edge_length) // 4 + MOST_WALLS, N_ROW)),
         np.zeros((MOST_WALLS, N_ROW)),
