@@ -1,6 +1,6 @@
 """The plan that a run of walls leaves: centre lines and doors, with how probable and how certain each is.
 
-Walls and doors are those of the draw of highest posterior density, moved to where they lie in the mean; how many draws
+Walls and doors are those of the draw of highest posterior density, moved to where they usually lie; how many draws
 have them is counted.
 """
 
@@ -26,8 +26,9 @@ BESIDE, TILT = 0.1, np.deg2rad(5.0)
 """Metres and radians from a wall up to which one of another draw is the same."""
 MOST_DRAWS = 100
 """Draws that are counted, evenly spaced."""
-PLACES = 9
-"""Places along a wall at which it is looked for; a draw has the wall if it has it at half of them."""
+PLACES, APART = 9, 0.1
+"""Places along a wall, at least, at which it is looked for, and metres between them at most; a draw has the wall if it
+has it at half of them, and an end of the wall that fewer than half of the draws have is cut off."""
 NARROWEST, WIDEST = 0.55, 1.5
 """Metres of a door."""
 LEAST_JAMB = 0.2
@@ -87,14 +88,16 @@ def plan_of(run: RunData) -> Plan:
     draws = [run.walls[int(i)] for i in np.unique(np.linspace(0, n - 1, MOST_DRAWS).astype(np.int64))]
     lines = reference[:, :4].reshape(-1, 2, 2)
     seen = np.ones(len(lines), np.bool_) if run.image is None else run.image.sees(lines)
-    walls = [_wall(wall, draws) for wall in reference[seen]]
-    found = doors_of(reference)
+    every = [_wall(wall, draws) for wall in reference[seen]]
+    probable = np.array([wall.probability >= LEAST_PROBABILITY for wall in every], np.bool_)
+    # A gap beside a wall that is no part of the plan is no door.
+    found = doors_of(reference[seen][probable])
     if run.image is not None and len(found):
         found = found[run.image.seen_at(found.mean(axis=1))]
-    every = [doors_of(draw) for draw in draws]
-    doors = [_door(door, every) for door in found]
+    of_draws = [doors_of(draw) for draw in draws]
+    doors = [_door(door, of_draws) for door in found]
     return Plan(
-        [wall for wall in walls if wall.probability >= LEAST_PROBABILITY],
+        [wall for wall in every if wall.probability >= LEAST_PROBABILITY],
         [door for door in doors if door.probability >= LEAST_PROBABILITY],
     )
 
@@ -107,51 +110,65 @@ def plan_of_walls(walls: Floats) -> Plan:
 
 
 def _wall(wall: Floats, draws: list[Floats]) -> PlanWall:
-    """Return a wall (5,) moved to its mean over the draws."""
+    """Return a wall (5,) moved to its median over the draws."""
     a, b = wall[:2], wall[2:4]
     length = float(np.hypot(*(b - a)))
     unit = (b - a) / length
     normal = np.array([-unit[1], unit[0]])
-    share = (np.arange(PLACES) + 0.5) / PLACES
+    n = max(PLACES, int(np.ceil(length / APART)))
+    share = (np.arange(n) + 0.5) / n
     places = a + share[:, None] * (b - a)
     rows = [_beside(places, float(wall[4]), unit, normal, draw) for draw in draws]
-    has = np.array([np.isfinite(offset).mean() >= 0.5 for offset, _ in rows])
+    has = np.array([there.mean() >= 0.5 for there, _, _ in rows])
     if not has.any():
         return PlanWall(wall[:4].reshape(2, 2), float(wall[4]), 0.0, 0.0, 0.0)
-    offset, thickness = (np.array(part)[has] for part in zip(*rows, strict=True))
-    mean = np.nanmean(offset, axis=0)
-    known = np.isfinite(mean)
-    slope, middle = np.polyfit(share[known] - 0.5, mean[known], 1) if known.sum() > 1 else (0.0, mean[known].mean())
-    ends = np.stack([a + (middle - 0.5 * slope) * normal, b + (middle + 0.5 * slope) * normal])
+    there, offset, thickness = (np.array(part)[has] for part in zip(*rows, strict=True))
+    middle, slope = _line(share - 0.5, offset)
+    kept = np.flatnonzero(there.mean(axis=0) >= 0.5)
+    reach = np.array([kept[0], kept[-1] + 1]) / n if len(kept) else np.array([0.0, 1.0])
+    ends = a + reach[:, None] * (b - a) + (middle + slope * (reach - 0.5))[:, None] * normal
     spread = float(np.nanmean(offset, axis=1).std())
-    return PlanWall(ends, float(thickness.mean()), float(thickness.std()), spread, float(has.mean()))
+    return PlanWall(ends, float(np.median(thickness)), float(thickness.std()), spread, float(has.mean()))
 
 
-def _beside(places: Floats, thickness_here: float, unit: Floats, normal: Floats, draw: Floats) -> tuple[Floats, float]:
-    """Return how far across (n,) a wall of a draw lies at each place, nan where none is the same; and its thickness.
+def _line(along: Floats, offset: Floats) -> tuple[float, float]:
+    """Return offset at 0 and slope of the usual line of draws: (draws, n) offsets, nan where unknown, at places (n,).
 
-    It is the same if its centre line, or the face on the same side, lies within :data:`BESIDE`: of a wall that is seen
-    from one side the centre line is as uncertain as the thickness.
+    Both are medians: that a few draws have other furniture there does not move a wall.
     """
-    off, thickness = np.full(len(places), np.nan), np.full(len(places), np.nan)
-    if len(draw) == 0:
-        return off, np.nan
+    known = np.isfinite(offset)
+    first, last = known.argmax(axis=1), offset.shape[1] - 1 - known[:, ::-1].argmax(axis=1)
+    long = last > first
+    rows = np.arange(len(offset))
+    rise = offset[rows, last] - offset[rows, first]
+    slope = float(np.median(rise[long] / (along[last] - along[first])[long])) if long.any() else 0.0
+    return float(np.median(np.nanmean(offset - slope * along, axis=1))), slope
+
+
+def _beside(
+    places: Floats, thickness_here: float, unit: Floats, normal: Floats, draw: Floats
+) -> tuple[NDArray[np.bool_], Floats, float]:
+    """Return at which places (n,) a draw has the wall; how far across the part most like it lies; its thickness.
+
+    It is the same wall if its centre line, or the face on the same side, lies within :data:`BESIDE`: of a wall that is
+    seen from one side the centre line is as uncertain as the thickness.
+    """
+    none = np.zeros(len(places), np.bool_), np.full(len(places), np.nan), np.nan
     a, step = draw[:, :2], draw[:, 2:4] - draw[:, :2]
     along, tilt = step @ unit, step @ normal
     same = np.abs(tilt) <= np.tan(TILT) * np.abs(along)
     a, along, tilt, thick = a[same], along[same], tilt[same], draw[same, 4]
     if len(a) == 0:
-        return off, np.nan
+        return none
     share = ((places[:, None] - a) @ unit) / along
     across = -((places[:, None] - a) @ normal) + share * tilt
     wider = 0.5 * (thick - thickness_here)
     away = np.min(np.abs([across, across + wider, across - wider]), axis=0)
     fits = (share >= 0.0) & (share <= 1.0) & (away <= BESIDE)
-    nearest = np.where(fits, away, np.inf).argmin(axis=1)
-    has = fits.any(axis=1)
-    rows = np.arange(len(places))
-    off[has], thickness[has] = across[rows, nearest][has], thick[nearest][has]
-    return off, float(np.nanmedian(thickness)) if has.any() else np.nan
+    if not fits.any():
+        return none
+    alike = int(np.where(fits, 1.0 - 0.5 * np.minimum(np.abs(across) / BESIDE, 1.0), 0.0).sum(axis=0).argmax())
+    return fits.any(axis=1), np.where(fits[:, alike], across[:, alike], np.nan), float(thick[alike])
 
 
 def doors_of(walls: Floats) -> Floats:
