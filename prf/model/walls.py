@@ -88,8 +88,11 @@ def thickness_density(thickness: Floats, common: Floats) -> Floats:
 def scratch_walls(chain: Chain) -> Walls:
     """Return the table of a run, which :func:`prf.kernels.walls.table.fill` fills."""
     grid = make_grid(*Window(*chain.graph.window.tolist()), NEAR_SQUARES * chain.targets.grid.cell)
+    capacity = len(chain.graph.edge_length) // 4 + MOST_WALLS
     return Walls(
-        np.zeros((len(chain.graph.edge_length) // 4 + MOST_WALLS, N_ROW)),
+        np.zeros((capacity, N_ROW)),
+        np.zeros((4, capacity)),
+        np.zeros(capacity, np.int64),
         np.zeros((MOST_WALLS, N_ROW)),
         np.zeros(MOST_WALLS, np.int64),
         np.zeros(N_WALL_COUNTS, np.int64),

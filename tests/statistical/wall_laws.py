@@ -126,7 +126,9 @@ def by_chain(n: int, seed: int, prior: WallPrior = PRIOR) -> Floats:
     rows: list[list[float]] = []
     target = Target(WINDOW, 0.1, orientation=Orientation(None, None), walls=prior)
     chain = make_chain(target, Coloring.empty(WINDOW))
-    chain = chain._replace(targets=make_targets(WINDOW, 0.05, rng.uniform(WINDOW[:2], (WINDOW.centre[0], WINDOW.y_max), (60, 2))))
+    chain = chain._replace(
+        targets=make_targets(WINDOW, 0.05, rng.uniform(WINDOW[:2], (WINDOW.centre[0], WINDOW.y_max), (60, 2)))
+    )
     chain.tuning[c.AIMED_SHARE] = 0.5
     for until in range(TURN, TURN * (n + 1), TURN):
         chain = run_chain(chain, rng, until)

@@ -24,7 +24,7 @@ from prf.kernels.walls.change import pick_wall
 from prf.kernels.walls.gap import ASKEW, cubed, log_cubed
 from prf.kernels.walls.law import THICKEST, THINNEST, log_thickness
 from prf.kernels.walls.shape import Wall, length_of, turned_round
-from prf.kernels.walls.table import Walls, goes, put, start, take, wall_in
+from prf.kernels.walls.table import Walls, box_of, goes, meets, put, start, take, wall_in
 
 PAST = 1.0
 """Metres that a wall ends past, or before, the side of the box at most."""
@@ -92,8 +92,9 @@ def hollowed(box: Wall, quarters: int, past: float, near: float, turn: float) ->
 def count_sides(graph: Graph, walls: Walls, base: Wall, quarters: int) -> int:
     """How many walls, those of the proposal left out, may be filled with a base."""
     n = 0
+    x0, x1, y0, y1 = box_of(base, THICKEST + PAST + BESIDE)
     for i in range(graph.counts[c.WALLS]):
-        if not goes(walls, i) and filled(base, wall_in(walls.row, i), quarters)[0]:
+        if meets(walls, i, x0, x1, y0, y1) and not goes(walls, i) and filled(base, wall_in(walls.row, i), quarters)[0]:
             n += 1
     return n
 
@@ -141,8 +142,9 @@ def propose_fill(graph: Graph, proposal: Proposal, walls: Walls, lines: Array, r
     if sides == 0:
         return ILLEGAL
     chosen = min(int(rng.random() * sides), sides - 1)
+    x0, x1, y0, y1 = box_of(base, THICKEST + PAST + BESIDE)
     for i in range(n):
-        if goes(walls, i):
+        if not meets(walls, i, x0, x1, y0, y1) or goes(walls, i):
             continue
         fits, box, past, near, turn = filled(base, wall_in(walls.row, i), quarters)
         if not fits:

@@ -17,7 +17,7 @@ from prf.kernels.state.graph import Graph, set_remove
 from prf.kernels.state.grid import Grid, axis_index, cell_at
 from prf.kernels.state.proposal import Proposal, clear
 from prf.kernels.state.targets import Targets
-from prf.kernels.walls.law import are_near, holds, log_alone, pair_cost
+from prf.kernels.walls.law import NEAR, are_near, holds, log_alone, pair_cost
 from prf.kernels.walls.shape import Wall, add_wall, length_of, remove_wall, wall_of
 
 SEEN = 8
@@ -33,7 +33,8 @@ N_ROW = 8
 N_OLD = 0
 N_NEW = 1
 TOTAL_WEIGHT = 2  # of all rows
-N_WALL_COUNTS = 3
+N_BY = 3  # entries of `by`
+N_WALL_COUNTS = 4
 MOST_WALLS = 2
 """No proposal removes or adds more walls than this."""
 
@@ -42,6 +43,8 @@ class Walls(NamedTuple):
     """Rows of the walls of a map, and of those that a proposal adds; and where returns are near."""
 
     row: Array  # (capacity, N_ROW) f8
+    box: Array  # (4, capacity) f8 of each row: lowest and highest x, lowest and highest y that it reaches to
+    by: Array  # (capacity,) i8 rows by the walls that a proposal removes or adds
     new: Array  # (MOST_WALLS, N_ROW) f8
     old: Array  # (MOST_WALLS,) i8 rows that go
     counts: Array  # (N_WALL_COUNTS,) i8
@@ -84,6 +87,42 @@ def hold_ends(rows: Array, i: int, wall: Wall, change: float) -> None:
 
 
 @core
+def box_of(wall: Wall, reach: float) -> tuple[float, float, float, float]:
+    """Lowest and highest x, lowest and highest y of a wall's ends, `reach` beyond half its thickness."""
+    reach += 0.5 * wall[4]
+    x0, x1 = min(wall[0], wall[2]) - reach, max(wall[0], wall[2]) + reach
+    return x0, x1, min(wall[1], wall[3]) - reach, max(wall[1], wall[3]) + reach
+
+
+@core
+def enter_box(walls: Walls, i: int) -> None:
+    """Write the box of a row."""
+    walls.box[0, i], walls.box[1, i], walls.box[2, i], walls.box[3, i] = box_of(wall_in(walls.row, i), NEAR)
+
+
+@core
+def meets(walls: Walls, i: int, x0: float, x1: float, y0: float, y1: float) -> bool:
+    """Whether the box of a row meets another one; without branches, as it is asked of every row."""
+    box = walls.box
+    return (box[0, i] <= x1) & (box[1, i] >= x0) & (box[2, i] <= y1) & (box[3, i] >= y0)
+
+
+@core
+def list_by(graph: Graph, walls: Walls) -> None:
+    """List the rows by the walls that the proposal removes or adds: no other has to do with these."""
+    x0, x1, y0, y1, n = math.inf, -math.inf, math.inf, -math.inf, 0
+    for k in range(walls.counts[N_OLD] + walls.counts[N_NEW]):
+        is_old = k < walls.counts[N_OLD]
+        wall = wall_in(walls.row, walls.old[k]) if is_old else wall_in(walls.new, k - walls.counts[N_OLD])
+        low_x, high_x, low_y, high_y = box_of(wall, 0.0)
+        x0, x1, y0, y1 = min(x0, low_x), max(x1, high_x), min(y0, low_y), max(y1, high_y)
+    for i in range(graph.counts[c.WALLS]):
+        walls.by[n] = i
+        n += int(meets(walls, i, x0, x1, y0, y1))
+    walls.counts[N_BY] = n
+
+
+@core
 def note_returns(targets: Targets, walls: Walls) -> None:
     """Mark the cells near a return; all of them where there is none."""
     grid, fine, n = walls.grid, targets.grid, targets.cell.shape[0]
@@ -118,9 +157,11 @@ def fill(graph: Graph, targets: Targets, walls: Walls) -> None:
         write(walls.row, i, wall_of(graph, graph.members[c.WALLS, i]))
         walls.row[i, WEIGHT] = weight_of(walls, wall_in(walls.row, i))
         walls.counts[TOTAL_WEIGHT] += int(walls.row[i, WEIGHT])
+        enter_box(walls, i)
     for i in range(n):
+        x0, x1, y0, y1 = box_of(wall_in(walls.row, i), 0.0)
         for k in range(n):
-            if k != i and are_near(wall_in(walls.row, i), wall_in(walls.row, k)):
+            if meets(walls, k, x0, x1, y0, y1) and k != i and are_near(wall_in(walls.row, i), wall_in(walls.row, k)):
                 hold_ends(walls.row, i, wall_in(walls.row, k), 1.0)
 
 
@@ -213,6 +254,7 @@ def meet_new(walls: Walls, density: Array, k: int) -> float:
 def wall_prior_change(graph: Graph, walls: Walls, density: Array, lines: Array) -> float:
     """Change of the log density of the walls by the proposal."""
     n_old, n_new, change, free = walls.counts[N_OLD], walls.counts[N_NEW], 0.0, 0
+    list_by(graph, walls)
     for k in range(n_new):
         change += log_alone(density, lines, wall_in(walls.new, k)) - meet_new(walls, density, k)
     for k in range(n_old):
@@ -221,7 +263,8 @@ def wall_prior_change(graph: Graph, walls: Walls, density: Array, lines: Array) 
         free -= free_ends(walls.row, walls.old[k])
         if k == 1 and are_near(wall, wall_in(walls.row, walls.old[0])):
             change += pair_cost(density, wall, wall_in(walls.row, walls.old[0]))
-    for i in range(graph.counts[c.WALLS]):
+    for m in range(walls.counts[N_BY]):
+        i = walls.by[m]
         if goes(walls, i):
             continue
         other, is_near = wall_in(walls.row, i), False
@@ -245,19 +288,27 @@ def wall_prior_change(graph: Graph, walls: Walls, density: Array, lines: Array) 
 
 @core
 def forget(graph: Graph, walls: Walls) -> None:
-    """Take the rows that go out of the table, and their walls out of the set, each replaced by the last."""
+    """Count anew who holds ends that stay, and take the rows that go out of table and set, each replaced by the last.
+
+    The rows by the proposal are those that :func:`wall_prior_change` listed.
+    """
     n_old = walls.counts[N_OLD]
-    for i in range(graph.counts[c.WALLS]):
+    for m in range(walls.counts[N_BY]):
+        i = walls.by[m]
         if goes(walls, i):
             continue
         for k in range(n_old):
             if are_near(wall_in(walls.row, i), wall_in(walls.row, walls.old[k])):
                 hold_ends(walls.row, i, wall_in(walls.row, walls.old[k]), -1.0)
+        for k in range(walls.counts[N_NEW]):
+            if are_near(wall_in(walls.row, i), wall_in(walls.new, k)):
+                hold_ends(walls.row, i, wall_in(walls.new, k), 1.0)
     for k in range(n_old):
         i, last = walls.old[k], graph.counts[c.WALLS] - 1
         walls.counts[TOTAL_WEIGHT] -= int(walls.row[i, WEIGHT])
         set_remove(graph, c.WALLS, graph.members[c.WALLS, i])
         copy_row(walls.row, last, walls.row, i)
+        enter_box(walls, i)
         if k == 0 and n_old == 2 and walls.old[1] == last:
             walls.old[1] = i
 
@@ -267,9 +318,6 @@ def remember(graph: Graph, walls: Walls) -> None:
     """Enter the new walls into the table behind the others; the set of walls follows (:func:`apply_walls`)."""
     n = graph.counts[c.WALLS]
     for k in range(walls.counts[N_NEW]):
-        for i in range(n):
-            if are_near(wall_in(walls.row, i), wall_in(walls.new, k)):
-                hold_ends(walls.row, i, wall_in(walls.new, k), 1.0)
-    for k in range(walls.counts[N_NEW]):
         copy_row(walls.new, k, walls.row, n + k)
+        enter_box(walls, n + k)
         walls.counts[TOTAL_WEIGHT] += int(walls.new[k, WEIGHT])
