@@ -13,7 +13,7 @@ from prf.kernels.state.proposal import ILLEGAL, Densities, Proposal
 from prf.kernels.walls.birth import behind, draw_length, draw_thickness, face
 from prf.kernels.walls.law import THICKEST, THINNEST, log_length, log_thickness
 from prf.kernels.walls.shape import Wall, length_of, placed, turned_round
-from prf.kernels.walls.table import SEEN, WEIGHT, Walls, put, start, take, wall_in
+from prf.kernels.walls.table import SEEN, WEIGHT, Walls, is_on_line, put, start, take, wall_in
 
 LEAST_STEP, MOST_STEP = 0.004, 0.5
 """Metres: a shift has a normal law whose scale is drawn, even in its logarithm, between these."""
@@ -126,17 +126,6 @@ def span_within(wall: Wall, other: Wall) -> tuple[float, float]:
 
 
 @core
-def misses(wall: Wall, ux: float, uy: float, other: Wall) -> bool:
-    """Whether both ends of another wall lie so far to one side of the line of a wall along u, or behind it."""
-    half = 0.5 * other[4]
-    ax, ay, bx, by = other[0] - wall[0], other[1] - wall[1], other[2] - wall[0], other[3] - wall[1]
-    first, second = ux * ay - uy * ax, ux * by - uy * bx
-    if min(first, second) > half or max(first, second) < -half:
-        return True
-    return max(ux * ax + uy * ay, ux * bx + uy * by) < -half
-
-
-@core
 def joint_density(graph: Graph, walls: Walls, wall: Wall, length: float, u: float) -> tuple[float, float]:
     """Density of taking the second end of a wall to `length` by a joint, 1/m; and a length drawn so with `u` in [0, 1).
 
@@ -147,7 +136,7 @@ def joint_density(graph: Graph, walls: Walls, wall: Wall, length: float, u: floa
     for turn in range(2):
         left = u * total
         for i in range(graph.counts[c.WALLS]):
-            if i == walls.old[0] or misses(wall, ux, uy, wall_in(walls.row, i)):
+            if not is_on_line(walls, i, wall[0], wall[1], ux, uy) or i == walls.old[0]:
                 continue
             low, high = span_within(wall, wall_in(walls.row, i))
             if not low < high:

@@ -108,6 +108,14 @@ def meets(walls: Walls, i: int, x0: float, x1: float, y0: float, y1: float) -> b
 
 
 @core
+def is_on_line(walls: Walls, i: int, x: float, y: float, ux: float, uy: float) -> bool:
+    """Whether the line through (x, y) along the unit vector u meets the box of a row."""
+    box = walls.box
+    across = ux * (0.5 * (box[2, i] + box[3, i]) - y) - uy * (0.5 * (box[0, i] + box[1, i]) - x)
+    return abs(across) <= 0.5 * ((box[1, i] - box[0, i]) * abs(uy) + (box[3, i] - box[2, i]) * abs(ux))
+
+
+@core
 def list_by(graph: Graph, walls: Walls) -> None:
     """List the rows by the walls that the proposal removes or adds: no other has to do with these."""
     x0, x1, y0, y1, n = math.inf, -math.inf, math.inf, -math.inf, 0
