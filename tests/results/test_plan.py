@@ -1,4 +1,4 @@
-"""Plans of walls: which walls and doors of draws are the same, with their means and shares; as files."""
+"""Plans of walls: which walls and doors of draws are the same, where they usually lie, and shares; as files."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def shaken(rng: np.random.Generator, n: int) -> list[np.ndarray]:
     return draws
 
 
-def test_walls_have_the_mean_of_the_draws_and_the_share_that_has_them() -> None:
+def test_walls_have_the_median_of_the_draws_and_the_share_that_has_them() -> None:
     plan = plan_of(run_of(shaken(np.random.default_rng(1), 100)))
     assert [wall.probability for wall in plan.walls] == [1.0, 1.0, 1.0, 1.0, 0.75]
     for wall, true in zip(plan.walls, PLAN, strict=True):
@@ -82,6 +82,17 @@ def test_a_wall_in_pieces_is_the_same_wall_and_one_askew_is_not() -> None:
     seen_from_below = plan_of(run_of([whole, thicker])).walls[0]
     assert seen_from_below.probability == 1.0
     assert seen_from_below.ends[0, 1] - 0.5 * seen_from_below.thickness == pytest.approx(1.95)
+
+
+def test_a_wall_keeps_its_line_where_the_best_draw_took_furniture_for_its_end() -> None:
+    """Nine draws have a wall up to 4 m and a box beside where it went on; the best one has a wall of 6 m alone."""
+    wall, box = [2.0, 1.0, 2.0, 4.0, 0.1], [1.9, 4.4, 1.9, 6.0, 0.2]
+    draws = [np.array([[2.0, 1.0, 2.0, 7.0, 0.1]]), *[np.array([wall, box])] * 9]
+    (found,) = plan_of(run_of(draws)).walls
+    np.testing.assert_allclose(found.ends[:, 0], 2.0, atol=1e-9)
+    assert found.ends[0, 1] == pytest.approx(1.0)
+    assert found.thickness == pytest.approx(0.1)
+    assert found.ends[1, 1] == pytest.approx(6.0, abs=0.1)
 
 
 def test_a_door_is_a_gap_of_the_width_of_doors_between_jambs() -> None:
