@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 from mapq.configuration import FeatureSettings
 from mapq.features.shape import PatchShapes, group_means, horizontal_directions
 from mapq.kernels.copies import self_shifts
-from mapq.kernels.layers_over import LayersOver, Tiles, find_tiles, layers_over
+from mapq.kernels.layers_over import Tiles, find_tiles, layers_over, outline_match, thinness
 from mapq.kernels.voxels import Nearby, fill_table, voxel_keys
 from mapq.patches import Patches
 
@@ -36,21 +36,29 @@ def table_of(key: Ints) -> Ints:
 def nearby_points(patches: Patches, number: Ints, moment: Ints, to_sensor: Floats | None) -> Nearby:
     """Return points of a cloud in voxels as wide as anything over a patch may be off it, there by place and moment.
 
+    Where neither moments nor ways to the sensor are known, points of a voxel are only counted, and in any order.
+
     `number` (n,): which points of the cloud: all finite ones. `moment` (n,): from 0. `to_sensor` (n, 3).
     """
     points = np.asarray(patches.cloud.xyz[number], np.float64)
     key = voxel_keys(points, FARTHEST)
+    order = np.argsort(key) if to_sensor is None and not moment.any() else _by_place(key, points, moment)
+    distinct, first = np.unique(key[order], return_index=True)
+    towards = np.zeros_like(points) if to_sensor is None else np.nan_to_num(to_sensor[order])
+    first = np.append(first, len(order)).astype(np.int64)
+    numbers = patches.patch[number[order]].astype(np.int64)
+    return Nearby(points[order], moment[order], numbers, towards, distinct, first, table_of(distinct), FARTHEST)
+
+
+def _by_place(key: Ints, points: Floats, moment: Ints) -> Ints:
+    """Return the order of points (n, 3) by key, then by place, then by moment."""
     order = np.lexsort((points[:, 0], key))
     # The other coordinates decide where this leaves a tie: sorting all by all of them takes three times as long.
     same = (np.diff(key[order]) == 0) & (np.diff(points[order, 0]) == 0.0)
     tied = np.append(same, False) | np.append(False, same) if len(order) else np.zeros(0, bool)
     some = order[tied]
     order[tied] = some[np.lexsort((moment[some], *points[some].T, key[some]))]
-    distinct, first = np.unique(key[order], return_index=True)
-    towards = np.zeros_like(points) if to_sensor is None else np.nan_to_num(to_sensor[order])
-    first = np.append(first, len(order)).astype(np.int64)
-    numbers = patches.patch[number[order]].astype(np.int64)
-    return Nearby(points[order], moment[order], numbers, towards, distinct, first, table_of(distinct), FARTHEST)
+    return order
 
 
 COLUMNS = {
@@ -100,7 +108,7 @@ def copy_columns(nearby: Nearby, shapes: PatchShapes, settings: FeatureSettings)
     tiles = tiles_of(shapes, step)
     given = shapes.sheets, shapes.planes, shapes.points, shapes.start, tiles
     found = layers_over(nearby, *given, step, 2 * half, np.tan(TURNS))
-    likeness = found.cover * thinness(found) * (0.5 + 0.5 * outline_match(found, tiles))
+    likeness = found.cover * thinness(found.n_points) * (0.5 + 0.5 * outline_match(found, tiles))
     patch = np.repeat(np.arange(len(shapes)), np.diff(tiles.first))
     size = np.sqrt(found.n_cells) * shapes.sheets.cell[patch]
     columns = _shifts(likeness, tiles, shapes.normals_at(patch, tiles.centre), shapes.up, size, step)
@@ -144,27 +152,6 @@ def _means(group: Ints, weight: Ints, values: Floats, n_groups: int) -> Floats:
         sums = np.bincount(group[known], weight[known] * each[known], n_groups)
         found[total > 0.0, column] = sums[total > 0.0] / total[total > 0.0]
     return found
-
-
-def thinness(found: LayersOver) -> Floats:
-    """Return by how much layers (r, k) are denser than those before and behind them: 1 alone, 0 no more."""
-    wide = np.pad(found.n_points, ((0, 0), (2, 2)))
-    around = wide[:, :-4] + found.n_points + wide[:, 4:]
-    return np.clip(1.5 * found.n_points / np.maximum(around, 1.0) - 0.5, 0.0, 1.0)
-
-
-def outline_match(found: LayersOver, tiles: Tiles) -> Floats:
-    """Return how well layers (r, k) end where their tile ends: 1 as well, 0 they go on over its rim.
-
-    Holes have rims too. Where the surface goes on in other patches, so may its copy. A point more is put on the rim, so
-    that few points show little.
-    """
-    tile = np.repeat(np.arange(len(tiles.counts)), np.diff(tiles.row))
-    cells, rim = np.maximum(found.n_cells, 1.0)[tile, None], np.maximum(found.n_rim, 1.0)[tile, None]
-    middle = found.rim[tiles.row[tile], found.rim.shape[1] // 2]
-    own = middle[:, None] / rim / (tiles.counts[tile, None] / cells)
-    going_on = (found.rim + 1.0) / rim / np.maximum(found.n_points / cells, 1e-9)
-    return np.asarray(np.clip(1.0 - (going_on - own), 0.0, 1.0))
 
 
 def _about(place: Floats) -> tuple[Ints, Ints]:

@@ -3,6 +3,7 @@
 import numpy as np
 
 from mapq.kernels._jit import Floats, Ints, jit, part
+from mapq.kernels.order_statistics import quantile
 
 DOUBT = 0.3
 """Share of the weight about a patch that counts as moved and not covered, whatever a motion moves."""
@@ -27,6 +28,21 @@ def bearing(flat: Floats, place: Floats, i: int, j: int) -> tuple[float, float, 
 
 
 @part
+def add_layers(total: Floats, layers: Floats, weight: float, shift: int, flip: bool) -> None:
+    """Add the layers (n,) of a surface, weighted, to a total (n,) over which a shift puts them; flipped, last first."""
+    n = max(len(total) - abs(shift), 0)
+    above, below = max(shift, 0), max(-shift, 0)
+    if flip:
+        into, from_ = total[above : above + n], layers[above : above + n]
+        for k in range(n):
+            into[k] += weight * from_[np.uint64(n - 1 - k)]
+    else:
+        into, from_ = total[below : below + n], layers[above : above + n]
+        for k in range(n):
+            into[k] += weight * from_[k]
+
+
+@part
 def gather_directions(
     profile: Floats,
     row: Ints,
@@ -46,7 +62,7 @@ def gather_directions(
     `found` (`DIRECTIONS`, 2, r, n): of directions from that of surface i on, a half turn in all, what would be a copy
     and what would be moved where a turn about surface i and a distance put it. `used`: the directions.
     """
-    n_used, n_layers = 0, profile.shape[1]
+    n_used = 0
     for j in others:
         ahead, aside, lever = bearing(flat, place, i, j)
         at = int(np.floor(np.arctan2(aside, ahead) / np.pi * DIRECTIONS + 0.5))
@@ -61,17 +77,9 @@ def gather_directions(
             n_used += 1
             found[at] = 0.0
         for r in range(len(turn)):
-            layers = profile[min(row[j] + r, row[j + 1] - 1)]
             shift = int(np.floor(turn[r] * lever / step + 0.5))
-            copy, all_ = found[at, 0, r], found[at, 1, r]
-            if flip:
-                for layer in range(max(0, shift), min(n_layers, n_layers + shift)):
-                    copy[layer] += weight[j] * layers[n_layers - 1 - layer + shift]
-                    all_[layer] += weight[j] * counts[n_layers - 1 - layer + shift]
-            else:
-                for layer in range(max(0, -shift), min(n_layers, n_layers - shift)):
-                    copy[layer] += weight[j] * layers[layer + shift]
-                    all_[layer] += weight[j] * counts[layer + shift]
+            add_layers(found[at, 0, r], profile[min(row[j] + r, row[j + 1] - 1)], weight[j], shift, flip)
+            add_layers(found[at, 1, r], counts, weight[j], shift, flip)
     return n_used
 
 
@@ -176,7 +184,7 @@ def self_shifts(
     """
     out = np.zeros((len(weight), 6))
     n_motions, n_layers, middle = len(motion), profile.shape[1], profile.shape[1] // 2
-    explained, moved = np.zeros(len(turn) * n_motions), np.zeros(len(turn) * n_motions)
+    explained, moved, support = np.zeros((3, len(turn) * n_motions))
     found, used = np.zeros((DIRECTIONS, 2, len(turn), n_layers)), np.zeros(DIRECTIONS, np.int64)
     # What lies farther off than the last layer but one is not known.
     counts = np.zeros(n_layers)
@@ -188,13 +196,14 @@ def self_shifts(
         n_used = gather_directions(profile, row, step, turn, flat, place, weight, i, others, counts, found, used)
         total = weight[others].sum()
         weigh_motions(found, used[:n_used], layer_of, explained, moved)
-        support = explained / (moved + DOUBT * total)
         best = 0
-        for t in range(1, len(support)):
+        for t in range(len(support)):
+            support[t] = explained[t] / (moved[t] + DOUBT * total)
             if support[t] > support[best] + CLEARLY:
                 best = t
         given = profile, row, step, turn, motion, best, flat, place, weight
-        out[i, 0], out[i, 1] = support[best], support[best] - np.median(support)
+        out[i, 0] = support[best]
+        out[i, 1] = out[i, 0] - quantile(support, len(support), 0.5)
         out[i, 2] = support_of_others(*given, i, others, counts, sides)
         along = motion[best % n_motions, 0]
         layer = layer_at(along, step, n_layers)

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mapq.kernels._jit import Bytes, Floats, Ints, jit, part
+from mapq.kernels._jit import Bytes, Codes, Floats, Ints, jit, part
 from mapq.kernels.planes import Planes, chart
 from mapq.kernels.sheets import Sheets
 from mapq.kernels.voxels import EMPTY, Nearby, voxels_about
@@ -64,6 +64,15 @@ def find_tiles(sheets: Sheets, first: Ints, size: Ints, tile: Ints) -> None:
 
 
 @part
+def tiles_across(sheets: Sheets, tiles: Tiles, i: int, column: Ints, row: Ints) -> None:
+    """Write what each column of the raster of patch i, rims included, and each row adds to the number of its tile."""
+    for x in range(-RIM, sheets.size[i, 0] + RIM):
+        column[x + RIM] = tile_of(sheets, tiles.first, tiles.size, i, x, 0)
+    for y in range(-RIM, sheets.size[i, 1] + RIM):
+        row[y + RIM] = tile_of(sheets, tiles.first, tiles.size, i, 0, y) - tiles.first[i]
+
+
+@part
 def draw_raster(sheets: Sheets, i: int, raster: Bytes) -> None:
     """Write what each place of the raster of patch i is, row after row."""
     columns, rows = sheets.size[i, 0], sheets.size[i, 1]
@@ -84,14 +93,17 @@ def draw_raster(sheets: Sheets, i: int, raster: Bytes) -> None:
 
 
 @part
-def measure_raster(sheets: Sheets, tiles: Tiles, i: int, raster: Bytes, n_cells: Floats, n_rim: Floats) -> None:
-    """Count the occupied cells of the tiles of patch i, and those of their rims."""
+def measure_raster(
+    sheets: Sheets, i: int, column: Ints, row: Ints, raster: Bytes, n_cells: Floats, n_rim: Floats
+) -> None:
+    """Count the occupied cells of the tiles of patch i, and those of their rims; tiles as `tiles_across` has them."""
     width = sheets.size[i, 0] + 2 * RIM
-    for at in range(width * (sheets.size[i, 1] + 2 * RIM)):
-        if raster[at] != FREE:
-            tile = tile_of(sheets, tiles.first, tiles.size, i, at % width - RIM, at // width - RIM)
-            n_cells[tile] += raster[at] == OCCUPIED
-            n_rim[tile] += raster[at] == ON_RIM
+    for y in range(sheets.size[i, 1] + 2 * RIM):
+        for x in range(width):
+            what = raster[y * width + x]
+            if what != FREE:
+                n_cells[column[x] + row[y]] += what == OCCUPIED
+                n_rim[column[x] + row[y]] += what == ON_RIM
 
 
 @part
@@ -103,11 +115,14 @@ def gather_over(
     i: int,
     farthest: float,
     places: Ints,
+    column: Ints,
+    row: Ints,
     raster: Bytes,
     out: PointsOver,
 ) -> int:
     """Write the points over patch i and its rim that are at most so far off it; how many."""
     n, columns, rows = 0, sheets.size[i, 0], sheets.size[i, 1]
+    width = columns + 2 * RIM
     for place in places:
         for k in range(near.first[place], near.first[place + 1]):
             if near.patch[k] == i:
@@ -115,38 +130,17 @@ def gather_over(
             u, v, height = chart(planes, i, near.points[k])
             if abs(height) >= farthest:
                 continue
-            column = int(np.floor((u - sheets.low[i, 0]) / sheets.cell[i]))
-            row = int(np.floor((v - sheets.low[i, 1]) / sheets.cell[i]))
-            if not (-RIM <= column < columns + RIM and -RIM <= row < rows + RIM):
+            x = int(np.floor((u - sheets.low[i, 0]) / sheets.cell[i])) + RIM
+            y = int(np.floor((v - sheets.low[i, 1]) / sheets.cell[i])) + RIM
+            if not (0 <= x < width and 0 <= y < rows + 2 * RIM):
                 continue
-            what = raster[(row + RIM) * (columns + 2 * RIM) + column + RIM]
+            what = raster[y * width + x]
             if what != FREE:
-                tile = tile_of(sheets, tiles.first, tiles.size, i, column, row)
-                out.cell[n] = row * columns + column if what == OCCUPIED else EMPTY
+                tile = column[x] + row[y]
+                out.cell[n] = (y - RIM) * columns + x - RIM if what == OCCUPIED else EMPTY
                 out.tile[n], out.height[n], out.aside[n] = tile, height, u - tiles.middle[tile]
                 n += 1
     return n
-
-
-@part
-def sort_slices(over: PointsOver, n: int, step: float, slope: float, first: Ints, slice_: Ints, order: Ints) -> None:
-    """Write the order of n points by slices of a slope; where each begins to `first` (slices + 1,)."""
-    n_slices = len(first) - 1
-    first[:] = 0
-    for k in range(n):
-        at = int(np.floor((over.height[k] - slope * over.aside[k]) / step)) + n_slices // 2
-        slice_[k] = at if 0 <= at < n_slices else EMPTY
-        if slice_[k] != EMPTY:
-            first[at + 1] += 1
-    for at in range(n_slices):
-        first[at + 1] += first[at]
-    for k in range(n):
-        if slice_[k] != EMPTY:
-            order[first[slice_[k]]] = k
-            first[slice_[k]] += 1
-    for at in range(n_slices, 0, -1):
-        first[at] = first[at - 1]
-    first[0] = 0
 
 
 class LayersOver(NamedTuple):
@@ -160,33 +154,42 @@ class LayersOver(NamedTuple):
 
 
 @part
-def count_layers(
-    found: LayersOver, over: PointsOver, tiles: Tiles, r: int, first: Ints, order: Ints, seen: Ints
-) -> None:
-    """Add the points of one patch, sorted by the slope of number r, to the layers of their tiles; two slices make one.
+def cover_layers(cover: Floats, slice_: int, seen: Codes) -> None:
+    """Add to the layers (n,) over a tile that begin or end with a slice the cell that is new to them.
 
-    `seen`: by cell of the patch, filled with -2.
+    `seen`: a bit for each slice in which the cell had a point.
+    """
+    word, bit = slice_ >> 6, np.uint64(1) << np.uint64(slice_ & 63)
+    if seen[word] & bit:
+        return
+    seen[word] |= bit
+    after, before = slice_ + 1, slice_ - 1
+    if slice_ < len(cover):
+        cover[slice_] += (seen[after >> 6] >> np.uint64(after & 63)) & np.uint64(1) == 0
+    if slice_ > 0:
+        cover[before] += (seen[before >> 6] >> np.uint64(before & 63)) & np.uint64(1) == 0
+
+
+@part
+def count_layers(
+    found: LayersOver, over: PointsOver, n: int, tiles: Tiles, r: int, step: float, slope: float, seen: Codes
+) -> None:
+    """Add the n points over one patch to the layers of their tiles of the slope of number r; two slices make one.
+
+    `seen` (cells, words): bits for the slices in which a cell of the patch has points, 0.
     """
     n_layers = found.cover.shape[1]
-    for slice_ in range(n_layers + 1):
-        for place in range(first[slice_], first[slice_ + 1]):
-            k = order[place]
-            cell, row = over.cell[k], tiles.row[over.tile[k]] + r
-            if row >= tiles.row[over.tile[k] + 1]:
-                continue
-            if cell == EMPTY:
-                for layer in range(max(slice_ - 1, 0), min(slice_ + 1, n_layers)):
-                    found.rim[row, layer] += 1.0
-                continue
-            last = seen[cell]
-            seen[cell] = slice_
-            # New to the layer that begins here, and to the one that ends here unless the slice before had it.
-            if slice_ < n_layers:
-                found.cover[row, slice_] += last != slice_
-                found.n_points[row, slice_] += 1.0
-            if slice_ > 0:
-                found.cover[row, slice_ - 1] += last < slice_ - 1
-                found.n_points[row, slice_ - 1] += 1.0
+    for k in range(n):
+        row = tiles.row[over.tile[k]] + r
+        slice_ = int(np.floor((over.height[k] - slope * over.aside[k]) / step)) + (n_layers + 1) // 2
+        if row >= tiles.row[over.tile[k] + 1] or slice_ < 0 or slice_ > n_layers:
+            continue
+        is_over = over.cell[k] != EMPTY
+        points = found.n_points[row] if is_over else found.rim[row]
+        for layer in range(max(slice_ - 1, 0), min(slice_ + 1, n_layers)):
+            points[layer] += 1.0
+        if is_over:
+            cover_layers(found.cover[row], slice_, seen[over.cell[k]])
 
 
 @part
@@ -219,24 +222,57 @@ def layers_over(
     cover, n_points, rim = np.zeros(shape), np.zeros(shape), np.zeros(shape)
     found = LayersOver(cover, n_points, rim, np.zeros(n_tiles), np.zeros(n_tiles))
     marks, places = np.full(len(near.key), EMPTY, np.int64), np.zeros(len(near.key), np.int64)
-    n = len(near.points)
+    n, longest = len(near.points), sheets.size.max() + 2 * RIM if len(sheets.size) > 0 else 0
     over = PointsOver(np.zeros(n, np.int64), np.zeros(n, np.int64), np.zeros(n), np.zeros(n))
-    slice_, order, first = np.zeros(n, np.int64), np.zeros(n, np.int64), np.zeros(n_slices + 1, np.int64)
-    seen, raster = np.zeros(0, np.int64), np.zeros(0, np.uint8)
+    column, line = np.zeros(longest, np.int64), np.zeros(longest, np.int64)
+    seen, raster = np.zeros((0, n_slices // 64 + 1), np.uint64), np.zeros(0, np.uint8)
     for i in range(len(start) - 1):
         size = (sheets.size[i, 0] + 2 * RIM) * (sheets.size[i, 1] + 2 * RIM)
-        if size > len(seen):
-            seen, raster = np.zeros(2 * size, np.int64), np.zeros(2 * size, np.uint8)
+        if size > len(raster):
+            seen, raster = np.zeros((2 * size, n_slices // 64 + 1), np.uint64), np.zeros(2 * size, np.uint8)
         draw_raster(sheets, i, raster)
-        measure_raster(sheets, tiles, i, raster, found.n_cells, found.n_rim)
-        n_places = voxels_about(near, points, start[i], start[i + 1], i, marks, places)
-        n = gather_over(near, sheets, planes, tiles, i, (0.5 * n_slices + 3.0) * step, places[:n_places], raster, over)
+        tiles_across(sheets, tiles, i, column, line)
+        measure_raster(sheets, i, column, line, raster, found.n_cells, found.n_rim)
+        some = places[: voxels_about(near, points, start[i], start[i + 1], i, marks, places)]
+        farthest = (0.5 * n_slices + 3.0) * step
+        n = gather_over(near, sheets, planes, tiles, i, farthest, some, column, line, raster, over)
         for r in range(most_slopes(tiles, i)):
-            seen[:size] = -2
-            sort_slices(over, n, step, slope[r], first, slice_, order)
-            count_layers(found, over, tiles, r, first, order, seen)
+            seen[: sheets.base[i + 1] - sheets.base[i]] = 0
+            count_layers(found, over, n, tiles, r, step, slope[r], seen)
     for tile in range(n_tiles):
         for row in range(tiles.row[tile], tiles.row[tile + 1]):
             for layer in range(shape[1]):
                 cover[row, layer] /= max(found.n_cells[tile], 1.0)
     return found
+
+
+@jit
+def thinness(n_points: Floats) -> Floats:
+    """Return by how much layers (r, k) of so many points are denser than those before and behind: 1 alone, 0 not."""
+    out, n_layers = np.zeros(n_points.shape), n_points.shape[1]
+    for row in range(len(n_points)):
+        own = n_points[row]
+        for layer in range(n_layers):
+            before = own[layer - 2] if layer > 1 else 0.0
+            behind = own[layer + 2] if layer + 2 < n_layers else 0.0
+            share = 1.5 * own[layer] / max(before + own[layer] + behind, 1.0)
+            out[row, layer] = min(max(share - 0.5, 0.0), 1.0)
+    return out
+
+
+@jit
+def outline_match(found: LayersOver, tiles: Tiles) -> Floats:
+    """Return how well layers (r, k) end where their tile ends: 1 as well, 0 they go on over its rim.
+
+    Holes have rims too. Where the surface goes on in other patches, so may its copy. A point more is put on the rim, so
+    that few points show little.
+    """
+    out, n_layers = np.zeros(found.rim.shape), found.rim.shape[1]
+    for tile in range(len(tiles.counts)):
+        n_cells, n_rim = max(found.n_cells[tile], 1.0), max(found.n_rim[tile], 1.0)
+        for row in range(tiles.row[tile], tiles.row[tile + 1]):
+            own = found.rim[tiles.row[tile], n_layers // 2] / n_rim / (tiles.counts[tile] / n_cells)
+            for layer in range(n_layers):
+                going_on = (found.rim[row, layer] + 1.0) / n_rim / max(found.n_points[row, layer] / n_cells, 1e-9)
+                out[row, layer] = min(max(1.0 - (going_on - own), 0.0), 1.0)
+    return out

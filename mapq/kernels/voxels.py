@@ -86,7 +86,8 @@ def cell_over(sheets: Sheets, i: int, u: float, v: float) -> int:
 def voxels_about(nearby: Nearby, points: Floats, begin: int, end: int, mark: int, marks: Ints, found: Ints) -> int:
     """Write the places of the voxels in which points of a patch lie, and of those beside; how many.
 
-    A voxel is written once: `marks` (v,) remembers the number of the patch, `mark`, that did so last.
+    A voxel is written once: `marks` (v,) remembers the number of the patch, `mark`, that did so last, twice that; one
+    more where the voxels beside are written as well.
     """
     n, last = 0, EMPTY
     for k in range(begin, end):
@@ -97,11 +98,16 @@ def voxels_about(nearby: Nearby, points: Floats, begin: int, end: int, mark: int
         if here == last:
             continue
         last = here
+        own = find(nearby.key, nearby.table, here)
+        if own != EMPTY and marks[own] == 2 * mark + 1:
+            continue
         for number in range(27):
             beside = key_of(x + number % 3 - 1, y + number // 3 % 3 - 1, z + number // 9 - 1)
             place = find(nearby.key, nearby.table, beside)
-            if place != EMPTY and marks[place] != mark:
-                marks[place] = mark
+            if place != EMPTY and marks[place] >> 1 != mark:
+                marks[place] = 2 * mark
                 found[n] = place
                 n += 1
+        if own != EMPTY:
+            marks[own] = 2 * mark + 1
     return n

@@ -19,14 +19,12 @@ from mapq.features.copies import (
     TURNS,
     copy_columns,
     nearby_points,
-    outline_match,
-    thinness,
     tiles_of,
 )
 from mapq.features.disagreement import known_of, moments_of
 from mapq.features.pairs import EDGE_NAMES
 from mapq.features.shape import NODE_NAMES, PatchShapes
-from mapq.kernels.layers_over import RIM, layers_over
+from mapq.kernels.layers_over import RIM, layers_over, outline_match, thinness
 from mapq.labels import NO_PATCH
 from mapq.patches import Patches
 from tests.mapq.factories import always_known, make_patches, moved, sample_patches, shuffled, turn, wall
@@ -161,7 +159,7 @@ def layers_at(patches: Patches, off: float) -> tuple[np.ndarray, np.ndarray, np.
     middle, away, rows = n_slices // 2 - 1, round(off / STEP), tiles.row[:-1]
     cover = found.cover[rows]
     at = np.where(cover[:, middle + away] > cover[:, middle - away], middle + away, middle - away)
-    measures = found.cover, thinness(found), outline_match(found, tiles)
+    measures = found.cover, thinness(found.n_points), outline_match(found, tiles)
     return tuple(np.add.reduceat(each[rows, at], tiles.first[:-1]) / np.diff(tiles.first) for each in measures)
 
 
