@@ -36,6 +36,9 @@ if TYPE_CHECKING:
 
 STEEP, FLAT = np.sin(np.radians([30.0, 60.0]))
 """|up . normal| up to which a plane is upright, and from which it is level."""
+FEW_FLAT = 0.4
+"""Share of neighbourhoods that show a plane below which little is known of a map: right ones, cut at the level that
+shows most, have half or more, unless most of them is vegetation; smeared as a whole a quarter to two fifths."""
 
 
 def surface_kinds(

@@ -366,14 +366,18 @@ def _tolerance(result: Result, limits: Mapping[str, Any]) -> str:
 
 def _verdict(result: Result, limits: Mapping[str, Any]) -> str:
     """Return how much of what was judged is suspicious, and whether the map passes."""
-    counts, passed = result.counts, result.verdict(**limits)["passed"]
+    from mapq.patches import FEW_FLAT
+
+    counts, verdict = result.counts, result.verdict(**limits)
+    passed, flat = verdict["passed"], verdict["flat_share"]
     answer = "" if passed is None else ": the map passes" if passed else ": the map does not pass"
     patches = f"{counts['n_suspicious']} of {counts['n_patches']} patches"
     if not counts["n_patches"]:
         return f"nothing was judged, {patches}{answer}"
     area = f"{counts['area_suspicious_m2']:.1f} of {counts['area_m2']:.1f} m2"
     share = f"{counts['share_of_area']:.1%} of the area judged is suspicious"
-    return f"{share} at {result.tolerance:.2f} m ({area}, {patches}){answer}"
+    little = f"; it says little, as only {flat:.0%} of neighbourhoods are flat" if flat < FEW_FLAT else ""
+    return f"{share} at {result.tolerance:.2f} m ({area}, {patches}){little}{answer}"
 
 
 def _region(result: Result, region: Region) -> str:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from mapq.io.maps import Row
 from mapq.labels import SUSPICIOUS
+from mapq.patches import FEW_FLAT
 from mapq.posed.check_poses import WRONG
 from mapq.report.findings import MAX_REGIONS, Findings
 from mapq.report.scene import VIEWS, PageScene, build_scene
@@ -47,6 +48,9 @@ def verdict_line(findings: Findings) -> str:
         line += f": farther apart than {number(verdict['tolerance_m'])} m"
     if coverage != DASH:
         line += f"; {coverage} of all planes could be judged"
+    flat = verdict.get("flat_share")
+    if flat is not None and flat < FEW_FLAT:
+        line += f"; it says little, as only {percent(flat)} of neighbourhoods are flat at any scale that was tried"
     if verdict.get("passed") is None:
         return line
     state = "passes" if verdict["passed"] is True else "fails"

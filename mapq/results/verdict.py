@@ -37,6 +37,7 @@ def verdict_of(
         "share_of_area": share,
         "share_of_area_by_surface": {name: each["share_of_area"] for name, each in result.counts["by_surface"].items()},
         "coverage": coverage,
+        "flat_share": flat_share_of(result),
         "fail_over": fail_over,
         "min_coverage": min_coverage,
         "fail_apart": fail_apart,
@@ -48,6 +49,12 @@ def verdict_of(
         "disagreement_m": result.disagreement,
         "scans_apart_m": apart,
     }
+
+
+def flat_share_of(result: Result) -> float:
+    """Return the share of neighbourhoods of points that show a plane where the map was cut; nan: not cut here."""
+    share = result.patches.parameters.get("flat_share")
+    return float(share) if isinstance(share, int | float) else float("nan")
 
 
 def _unresolved(result: Result) -> float:

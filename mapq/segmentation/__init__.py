@@ -18,7 +18,7 @@ from mapq.cloud import PointCloud
 from mapq.configuration import SURFACES, SegmentSettings
 from mapq.kernels.planes import MOMENTS
 from mapq.kernels.regions import PLANE_BITS, number_plane_cells, sum_regions
-from mapq.patches import Patches, surface_kinds
+from mapq.patches import FEW_FLAT, Patches, surface_kinds
 from mapq.segmentation.curved import BEND, MSE, PLACE, find_cylinders, spread_cylinders
 from mapq.segmentation.parameters import Parameters, choose_parameters
 from mapq.segmentation.points import Points, sort_points
@@ -34,7 +34,6 @@ WIDTH_IN_THICKNESS = 4.0
 CELL_IN_SPACING = 2.0
 """Side of the cells by which areas are counted: a cell on a surface holds four points, so few stay empty."""
 MANY_NARROW = 0.05
-FEW_FLAT = 0.3
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -284,8 +283,9 @@ def warnings_of(chosen: Parameters, n_far: int, found: dict[str, Any]) -> list[s
         )
     if chosen.flat_share < FEW_FLAT:
         warnings.append(
-            f"only {chosen.flat_share:.0%} of the neighbourhoods show a plane: spacing and noise are estimated from "
-            "little. Set segment.noise and segment.resolution if you know them."
+            f"only {chosen.flat_share:.0%} of the neighbourhoods show a plane at the best scale, as in vegetation, or "
+            "in a map smeared as a whole: what its patches say is little. Set segment.noise and segment.resolution "
+            "if you know them."
         )
     if n_far:
         warnings.append(f"{n_far} points lie very far from all others and were left out.")

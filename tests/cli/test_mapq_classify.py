@@ -207,3 +207,14 @@ def test_a_warning_of_the_segmentation_is_given_once(capsys, tmp_path):
     np.savetxt(path, np.vstack([wall, [[9e6, 0.0, 0.0], [9e6, 1.0, 0.0]]]), fmt="%.3f")
     err = call(capsys, "classify", path, "--model", save_model(tmp_path), "-o", tmp_path / "r.ply")[2]
     assert err.count("very far") == 1
+
+
+def test_the_verdict_says_little_of_a_map_of_which_little_is_flat(capsys, tmp_path):
+    rng = np.random.default_rng(1)
+    wall = rng.uniform((0, 0, 0), (6, 0.01, 3), (1500, 3))
+    path = tmp_path / "bushes.xyz"
+    np.savetxt(path, np.concatenate([wall, rng.uniform((0, 4, 0), (6, 8, 3), (6000, 3))]))
+    _, out, err = call(capsys, "classify", path, "--model", save_model(tmp_path), "-o", tmp_path / "r.ply")
+    (verdict,) = (line for line in out.splitlines() if line.startswith("verdict"))
+    assert "it says little, as only" in verdict
+    assert "of the neighbourhoods show a plane at the best scale" in err

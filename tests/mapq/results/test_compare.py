@@ -270,6 +270,7 @@ def test_the_verdict_is_that_of_the_area(result, fail_over, passed):
         "share_of_area": pytest.approx(share),
         "share_of_area_by_surface": {"upright": pytest.approx(share)},
         "coverage": pytest.approx(float("nan"), nan_ok=True),
+        "flat_share": pytest.approx(float("nan"), nan_ok=True),
         "fail_over": fail_over,
         "min_coverage": 0.2,
         "fail_apart": None,

@@ -70,6 +70,12 @@ def test_the_verdict_says_what_scans_do_not_decide(result):
     assert np.isnan(result.verdict()["unresolved_share_of_area"])
 
 
+def test_the_verdict_has_the_share_of_neighbourhoods_that_are_flat(result):
+    cut = replace(result, patches=replace(result.patches, parameters={"flat_share": 0.34}))
+    assert cut.verdict()["flat_share"] == 0.34
+    assert np.isnan(result.verdict()["flat_share"])
+
+
 @pytest.mark.parametrize(("fail_apart", "passed"), [(0.01, False), (0.39, True)])
 def test_a_map_fails_by_the_median_of_what_scans_disagree_by(result, fail_apart, passed):
     known = scanned(result, *bounds(result, 0.1))
