@@ -366,18 +366,15 @@ def _tolerance(result: Result, limits: Mapping[str, Any]) -> str:
 
 def _verdict(result: Result, limits: Mapping[str, Any]) -> str:
     """Return how much of what was judged is suspicious, and whether the map passes."""
-    from mapq.patches import FEW_FLAT
+    from mapq.results.verdict import caveat
 
     counts, verdict = result.counts, result.verdict(**limits)
-    passed, flat = verdict["passed"], verdict["flat_share"]
-    answer = "" if passed is None else ": the map passes" if passed else ": the map does not pass"
+    ends = caveat(verdict) + {None: "", True: ": the map passes", False: ": the map does not pass"}[verdict["passed"]]
     patches = f"{counts['n_suspicious']} of {counts['n_patches']} patches"
     if not counts["n_patches"]:
-        return f"nothing was judged, {patches}{answer}"
-    area = f"{counts['area_suspicious_m2']:.1f} of {counts['area_m2']:.1f} m2"
-    share = f"{counts['share_of_area']:.1%} of the area judged is suspicious"
-    little = f"; it says little, as only {flat:.0%} of neighbourhoods are flat" if flat < FEW_FLAT else ""
-    return f"{share} at {result.tolerance:.2f} m ({area}, {patches}){little}{answer}"
+        return f"nothing was judged, {patches}{ends}"
+    share = f"{counts['share_of_area']:.1%} of the area judged is suspicious at {result.tolerance:.2f} m"
+    return f"{share} ({counts['area_suspicious_m2']:.1f} of {counts['area_m2']:.1f} m2, {patches}){ends}"
 
 
 def _region(result: Result, region: Region) -> str:

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from mapq.io.maps import Row
 from mapq.labels import SUSPICIOUS
-from mapq.patches import FEW_FLAT
 from mapq.posed.check_poses import WRONG
 from mapq.report.findings import MAX_REGIONS, Findings
 from mapq.report.scene import VIEWS, PageScene, build_scene
+from mapq.results.verdict import caveat
 from prf.shell.cli.files import encoded, open_output
 from prf.shell.cli.page import escape, packed, packed_json, page, table
 
@@ -48,9 +48,7 @@ def verdict_line(findings: Findings) -> str:
         line += f": farther apart than {number(verdict['tolerance_m'])} m"
     if coverage != DASH:
         line += f"; {coverage} of all planes could be judged"
-    flat = verdict.get("flat_share")
-    if flat is not None and flat < FEW_FLAT:
-        line += f"; it says little, as only {percent(flat)} of neighbourhoods are flat at any scale that was tried"
+    line += caveat(verdict)
     if verdict.get("passed") is None:
         return line
     state = "passes" if verdict["passed"] is True else "fails"

@@ -57,7 +57,7 @@ def test_a_page_shows_coverage_and_disagreement_of_scans(tmp_path):
     page = report(tmp_path / "s.html", told)
     assert "; 12.5 % of all planes could be judged" in page
     assert "and 20.0 % to be judged" in page
-    assert "it says little, as only 34.0 % of neighbourhoods are flat" in page
+    assert "it says little, as only 34% of neighbourhoods are flat" in page
     assert "12.5 % of the points that lie on planes of any kind" in page
     assert data_of(page)["apart"][3] == [0.123, 0.05, 0.25]
     assert data_of(page)["apart"][4] == [None, None, None]
