@@ -282,3 +282,10 @@ def label_from_field(
         "n_kept": int(np.count_nonzero(kept)),
     }
     return replace(patches, label=label, label_source=source, apart=apart), counts
+
+
+def caveat(verdict: Mapping[str, Any]) -> str:
+    """Return words that say of a verdict, of this release or one before, that it says little, where it does."""
+    flat = verdict.get("flat_share")
+    little = flat is not None and flat < FEW_FLAT
+    return f"; it says little, as only {flat:.0%} of neighbourhoods are flat at any scale tried" if little else ""

@@ -366,7 +366,7 @@ def _tolerance(result: Result, limits: Mapping[str, Any]) -> str:
 
 def _verdict(result: Result, limits: Mapping[str, Any]) -> str:
     """Return how much of what was judged is suspicious, and whether the map passes."""
-    from mapq.results.verdict import caveat
+    from mapq.patches import caveat
 
     counts, verdict = result.counts, result.verdict(**limits)
     ends = caveat(verdict) + {None: "", True: ": the map passes", False: ": the map does not pass"}[verdict["passed"]]

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from mapq.io.maps import Row
 from mapq.labels import SUSPICIOUS
+from mapq.patches import caveat
 from mapq.posed.check_poses import WRONG
 from mapq.report.findings import MAX_REGIONS, Findings
 from mapq.report.scene import VIEWS, PageScene, build_scene
-from mapq.results.verdict import caveat
 from prf.shell.cli.files import encoded, open_output
 from prf.shell.cli.page import escape, packed, packed_json, page, table
 

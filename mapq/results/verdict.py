@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mapq.features.table import PatchFeatures
 from mapq.model import Model
-from mapq.patches import FEW_FLAT
 from mapq.results.content import cause_row, share_of
 from prf.shell.errors import ArgumentError
 
@@ -57,13 +55,6 @@ def flat_share_of(result: Result) -> float:
     """Return the share of neighbourhoods of points that show a plane where the map was cut; nan: not cut here."""
     share = result.patches.parameters.get("flat_share")
     return float(share) if isinstance(share, int | float) else float("nan")
-
-
-def caveat(verdict: Mapping[str, Any]) -> str:
-    """Return words that say of a verdict, of this release or one before, that it says little, where it does."""
-    flat = verdict.get("flat_share")
-    little = flat is not None and flat < FEW_FLAT
-    return f"; it says little, as only {flat:.0%} of neighbourhoods are flat at any scale tried" if little else ""
 
 
 def _unresolved(result: Result) -> float:
