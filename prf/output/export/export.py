@@ -208,7 +208,7 @@ def _content(
         text = g2o_text(source) if name == G2O else tum_text(source, options.draw)
         return ((text,), {"n_poses": figures.pop("n"), **figures})
     if name == ROS_MAP:
-        return _ros_map(source, options, *(PurePath(file).name for file in files[:2]))
+        return _ros_map(source, options, *files[:2])
     if options.walls:
         return _plan(name, source, options.draw)
     chosen = source.choose_map(options.draw)
@@ -258,7 +258,7 @@ def _printable(title: str) -> str:
 
 
 def _ros_map(
-    source: Source, options: Options, yaml_name: str, image_name: str
+    source: Source, options: Options, yaml_file: str, image_file: str
 ) -> tuple[tuple[str | bytes, ...], dict[str, Any]]:
     extrapolate, radius, cells = options.extrapolate or 0.0, options.radius or 0.0, None
     if options.returns:
@@ -270,12 +270,12 @@ def _ros_map(
         cells = cells_of(source, options.draw, extrapolate, **asked)
     is_mask = options.keep_out is not None
     band = (options.keep_out, options.keep_out) if options.keep_out is not None else options.unknown
-    yaml, image, counts = ros_map(cells, band, image_name, options.mode)
+    yaml, image, counts = ros_map(cells, band, PurePath(image_file).name, options.mode)
     n_rows, n_columns = cells.probability.shape
     what = "p_return" if options.returns else "p_not_free" if radius else "p_occupied"
     facts = {"probability": what, "mode": options.mode, "n_columns": n_columns, "n_rows": n_rows}
     facts |= {"resolution": cells.resolution, **counts}
-    return (yaml, image, nav2_parameters(yaml_name, options.mode, is_mask, radius)), facts
+    return (yaml, image, nav2_parameters(yaml_file, options.mode, is_mask, radius)), facts
 
 
 def _netcdf(source: Source) -> tuple[tuple[bytes], dict[str, Any]]:

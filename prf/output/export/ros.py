@@ -15,6 +15,7 @@ Sources: https://wiki.ros.org/map_server, "Value Interpretation", and the docume
 from __future__ import annotations
 
 import json
+import os
 import re
 import struct
 import zlib
@@ -113,12 +114,13 @@ def png_bytes(pixels: NDArray[np.uint8]) -> bytes:
     return b"\x89PNG\r\n\x1a\n" + b"".join(chunks)
 
 
-def nav2_parameters(yaml_name: str, mode: Mode, is_mask: bool, radius: float) -> str:
+def nav2_parameters(yaml_file: str, mode: Mode, is_mask: bool, radius: float) -> str:
     """Return parameters by which Nav2 loads a map, or a mask of where not to go, to be merged into those of a robot.
 
-    `radius`: metres by which the map is inflated already; 0: not.
+    `yaml_file`: named by its absolute path, since map_server looks from where it was started. `radius`: metres by which
+    the map is inflated already; 0: not.
     """
-    name = json.dumps(yaml_name, ensure_ascii=False)
+    name = json.dumps(os.path.abspath(yaml_file), ensure_ascii=False)
     if is_mask:
         return _text(MASK.format(name=name))
     costs = SCALED if mode != "trinary" else TRINARY
@@ -133,7 +135,7 @@ def _text(*parts: str) -> str:
 SERVER = """
 map_server:
   ros__parameters:
-    yaml_filename: {name}  # with its path
+    yaml_filename: {name}  # where it was written
 """
 INFLATED = "# The map is inflated by {radius:g} m already: let the inflation_layer add a margin alone."
 TRINARY = """
@@ -157,7 +159,7 @@ SCALED = f"""
 MASK = """
 filter_mask_server:  # a second map_server
   ros__parameters:
-    yaml_filename: {name}  # with its path
+    yaml_filename: {name}  # where it was written
     topic_name: keepout_filter_mask
 costmap_filter_info_server:
   ros__parameters:

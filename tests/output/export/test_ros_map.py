@@ -225,16 +225,23 @@ def test_a_mask_keeps_out_of_cells_above_its_probability(folder: Path, tmp_path:
     p = cells_of(read_source(folder), radius=0.3, resolution=0.4).probability
     np.testing.assert_array_equal(served, np.where(p > 0.1, 100, np.where(p < 0.1, 0, -1)))
     written = (tmp_path / "mask.nav2.yaml").read_text()
-    assert 'yaml_filename: "mask.yaml"' in written
+    assert f'yaml_filename: "{tmp_path}/mask.yaml"' in written
     assert "nav2_costmap_2d::KeepoutFilter" in written
 
 
 @pytest.mark.parametrize("mode", ["trinary", "scale", "raw"])
-def test_parameters_of_nav2_name_the_map_and_say_how_costs_are_made(folder: Path, tmp_path: Path, mode) -> None:
+def test_parameters_of_nav2_load_the_map_from_anywhere_and_say_how_costs_are_made(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, mode
+) -> None:
     yaml = pytest.importorskip("yaml")
-    export_source(folder, str(tmp_path / "a b.yaml"), Options(format="ros-map", mode=mode, resolution=1.0))
+    source = folder.resolve()
+    with monkeypatch.context() as there:
+        there.chdir(tmp_path)
+        export_source(source, "a b.yaml", Options(format="ros-map", mode=mode, resolution=1.0))
     written = yaml.safe_load((tmp_path / "a b.nav2.yaml").read_text())
-    assert written["map_server"]["ros__parameters"]["yaml_filename"] == "a b.yaml"
+    named = written["map_server"]["ros__parameters"]["yaml_filename"]
+    assert named == str(tmp_path / "a b.yaml")
+    assert map_server.load(Path(named)).data.size > 0
     costmap = written["global_costmap"]["global_costmap"]["ros__parameters"]
     assert costmap["track_unknown_space"] is True
     assert costmap.get("trinary_costmap", True) == (mode == "trinary")
