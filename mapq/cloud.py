@@ -103,6 +103,19 @@ class PointCloud:
         """Return places (..., 3) in the frame of `xyz` as world coordinates in metres, whatever unit the file has."""
         return _moved(xyz.copy(), self.shift * self.unit)
 
+    @property
+    def unit_words(self) -> str:
+        """In what unit the coordinates of the file were taken, in words."""
+        x, y, z = self.unit.tolist()
+        if x == y == z:
+            return "coordinates taken as metres" if x == 1.0 else f"coordinates in units of {x:g} m"
+        return f"coordinates in units of {x:g}, {y:g} and {z:g} m"
+
+    def place_words(self, place: NDArray[np.float64], digits: int = 1) -> str:
+        """Return a place (3) in world coordinates as text that says so where these are no metres."""
+        words = " ".join(f"{value:.{digits}f}" for value in place.tolist())
+        return words if (self.unit == 1.0).all() else f"{words} (file units)"
+
     def in_unit(self, unit: NDArray[np.float64]) -> PointCloud:
         """Return the same world coordinates, with another unit: its metres along each axis (3,)."""
         if np.array_equal(unit, self.unit):

@@ -373,16 +373,17 @@ def _verdict(result: Result, limits: Mapping[str, Any]) -> str:
     patches = f"{counts['n_suspicious']} of {counts['n_patches']} patches"
     if not counts["n_patches"]:
         return f"nothing was judged, {patches}{ends}"
-    share = f"{counts['share_of_area']:.1%} of the area judged is suspicious at {result.tolerance:.2f} m"
-    return f"{share} ({counts['area_suspicious_m2']:.1f} of {counts['area_m2']:.1f} m2, {patches}){ends}"
+    area = f"{counts['area_suspicious_m2']:.1f} of {counts['area_m2']:.1f} m2"
+    share = f"{counts['share_of_area']:.1%} of the area judged is suspicious"
+    return f"{share} at {result.tolerance:.2f} m ({area}, {patches}; {result.patches.cloud.unit_words}){ends}"
 
 
 def _region(result: Result, region: Region) -> str:
     """Return size, place and cause of a region."""
-    x, y, z = region.centre.tolist()
-    size = " x ".join(f"{length:.1f}" for length in ((region.high - region.low) * result.patches.cloud.unit).tolist())
+    cloud = result.patches.cloud
+    size = " x ".join(f"{length:.1f}" for length in ((region.high - region.low) * cloud.unit).tolist())
     words = [f"{len(region.patches)} patch{'' if len(region.patches) == 1 else 'es'}"]
-    words.append(f"{region.area:.1f} m2 in {size} m at {x:.1f} {y:.1f} {z:.1f}")
+    words.append(f"{region.area:.1f} m2 in {size} m at {cloud.place_words(region.centre)}")
     if region.displacement == region.displacement:
         words.append(f"surfaces {region.displacement:.2f} m apart")
     if result.visits is not None:
@@ -391,9 +392,9 @@ def _region(result: Result, region: Region) -> str:
 
 
 def _patch_lines(result: Result, patch: int, n_reasons: int) -> Iterator[str]:
-    x, y, z = result.world_centroid(patch)
-    p = result.probability[patch]
-    yield f"  patch {patch:<6} p {p:.3f}  {result.area[patch]:.1f} m2 at {x:.1f} {y:.1f} {z:.1f}"
+    cloud, p = result.patches.cloud, result.probability[patch]
+    place = cloud.place_words(cloud.world_of(result.patches.centroid[patch]))
+    yield f"  patch {patch:<6} p {p:.3f}  {result.area[patch]:.1f} m2 at {place}"
     for reason in result.reasons(patch, n_reasons):
         yield f"      {reason.log_odds:+.2f}  {reason.text}"
     if result.visits is not None:

@@ -77,15 +77,16 @@ def _cloud_rows(cloud: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     size = " x ".join(f"{length:.2f}" for length in ((high - low) * unit).tolist())
     sides = ", ".join(f"{axis} {first:.2f} to {last:.2f}" for axis, first, last in zip("xyz", low, high, strict=True))
     yield "points", f"{cloud['n_points']:,}" + (f", {missing:,} of them without coordinates" if missing else "")
-    yield "extent", f"{size} m, {sides}"
     is_metric = bool((unit == 1.0).all())
+    in_units = "" if is_metric else " (file units)"
+    yield "extent", f"{size} m, {sides}{in_units}"
     yield "coordinates", cloud["coordinate_type"] + (", taken to be in metres (else --unit)" if is_metric else "")
     if not is_metric:
         units = " ".join(f"{value:g}" for value in unit.tolist())
         yield "unit", f"{units} m, of x, y and z; lengths are in metres"
     if shift.any():
         words = " ".join(f"{value:.0f}" for value in shift)
-        yield "shift", f"{words}{' m' if is_metric else ''}, taken off before all work"
+        yield "shift", f"{words}{' m' if is_metric else in_units}, taken off before all work"
     spacing = cloud["spacing"]
     yield "spacing", "unknown" if _is_nan(spacing) else f"{spacing:.4g} m, median to the nearest neighbour"
 

@@ -28,7 +28,7 @@ from mapq.posed.check_poses import CheckedPoses
 from mapq.report.findings import findings_of
 from mapq.report.page import write_report
 from mapq.results.causes import CAUSES, Cause, find_causes
-from mapq.results.content import counts_of, head_of, patch_rows, rounded, share_of
+from mapq.results.content import counts_of, head_of, patch_rows, share_of
 from mapq.results.evaluate import Scores, score_labels
 from mapq.results.reasons import Reason, Reasons, Region, find_regions, weighted_median
 from mapq.results.verdict import MIN_COVERAGE, resolution_of, tolerance_of, verdict_of
@@ -191,10 +191,6 @@ class Result:
         order = np.lexsort((candidates, -self.patches.counts[candidates], -self.labelling.difference[candidates]))
         return [int(patch) for patch in candidates[order[:n_most]]]
 
-    def world_centroid(self, patch: int) -> list[float]:
-        """Return the mean of a patch's points in world coordinates (3)."""
-        return rounded(self.patches.cloud.world_of(self.patches.centroid[patch]))
-
     @cached_property
     def regions(self) -> list[Region]:
         """Return the regions of connected suspicious patches, the most severe first."""
@@ -356,7 +352,7 @@ class Result:
         """Return the card that a notebook shows, with the worst regions."""
         facts = {"suspicious": self._words, "model": self.origin.model}
         for number, region in enumerate(self.regions[:N_LISTED]):
-            where = " ".join(f"{x:.1f}" for x in region.centre.tolist())
+            where = self.patches.cloud.place_words(region.centre)
             facts[f"region {number}"] = f"{len(region.patches)} patches, {region.area:.1f} m² at {where}"
         return card("Plausibility of the map", facts, self._picture.png())
 

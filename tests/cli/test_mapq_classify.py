@@ -21,7 +21,7 @@ def test_the_result_has_both_files_and_the_contract_s_fields(capsys, tmp_path, m
     code, out, err = call(capsys, "classify", path, "--model", model)
     assert (code, err) == (0, "")
     assert "is suspicious at 0.30 m (" in out
-    assert "16 of 32 patches)" in out
+    assert "16 of 32 patches; coordinates taken as metres)" in out
     assert "parallel to patch" in out
     assert "of connected suspicious patches, the worst 3:" in out
     cloud = read_cloud("walls1.classified.ply")

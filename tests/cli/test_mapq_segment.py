@@ -227,3 +227,12 @@ def test_places_are_in_the_unit_of_the_file_and_sizes_in_metres(capsys, folder, 
     for region in content["regions"]:
         assert (low <= region["low"]).all()
         assert (high >= region["high"]).all()
+    lines = {}
+    for unit in ("cm", "m"):
+        code, out, _ = call(capsys, "classify", survey, "--model", model, "--unit", unit, "-o", folder / "u.laz", "-f")
+        assert code == 0
+        lines[unit] = out.splitlines()
+    assert "; coordinates in units of 0.01 m)" in lines["cm"][-2]
+    assert "; coordinates taken as metres)" in lines["m"][-2]
+    assert [line for line in lines["cm"] if " m2 at " in line and "(file units)" not in line] == []
+    assert "(file units)" not in "".join(lines["m"])
