@@ -78,6 +78,7 @@ def _facts(findings: Findings) -> Iterator[tuple[str, str]]:
     for name, each in (counts.get("by_surface") or {}).items():
         yield name, f"{number(each.get('area_m2'))} m², {percent(each.get('share_of_area'))} of it suspicious"
     yield "points", f"{number(n_points, 0)}, {percent(share)} of them in patches; the others are not judged"
+    yield "unit", f"{cloud.unit_words}; lengths and places on this page are in metres"
     if len(findings.rows) < len(findings.label):
         yield (
             "listed",
@@ -90,7 +91,6 @@ def _facts(findings: Findings) -> Iterator[tuple[str, str]]:
             "scans resolve",
             f"{resolved}; {percent(verdict.get('unresolved_share_of_area'))} of the area is left open",
         )
-    yield from _wrong_poses(findings)
     expected = percent(counts.get("expected_share_of_area"))
     words = (
         "of the surface that was judged is wrong, by the p of all patches, if the map is like those they were fitted to"
@@ -109,14 +109,17 @@ def _facts(findings: Findings) -> Iterator[tuple[str, str]]:
         yield "warning", escape(warning)
 
 
-def _wrong_poses(findings: Findings) -> Iterator[tuple[str, str]]:
-    """Yield which scans, and which edges of their graph, are probably wrong, by name."""
-    for kind, name in (("scans", _scan_name), ("edges", _edge_name)):
+def poses_line(findings: Findings) -> str:
+    """Return which scans, and which edges of their graph, are probably wrong, by name; empty without scans."""
+    parts = []
+    for kind, name in (("scans", _scan_name), ("edges", lambda row: f"from {_edge_name(row)}")):
         rows = findings.head.get(kind) or ()
         wrong = [escape(name(row)) for row in rows if row["p_wrong"] > WRONG]
         more = f" and {len(wrong) - MOST_NAMED} more, listed below" if len(wrong) > MOST_NAMED else ""
         if rows:
-            yield f"wrong {kind}", (", ".join(wrong[:MOST_NAMED]) + more or "none") + f", of {len(rows)}"
+            named = f"<strong>{', '.join(wrong[:MOST_NAMED])}</strong>{more}," if wrong else "none"
+            parts.append(f"Probably wrong {kind}: {named} of {len(rows)}.")
+    return " ".join(parts)
 
 
 def _scan_name(row: Row) -> str:
@@ -205,11 +208,10 @@ def pose_tables(findings: Findings) -> str:
         ]
         names = ["edge", "off <small>m</small>", "turned <small>°</small>", "p"]
         text += table(names, _marked(off, edges), "scans")
-    note = (
-        "The shift and turn that the other scans ask of each, and how far edges are off what the clouds say; "
-        "▲ probably wrong."
-    )
-    head_line = "<summary><h2>Scans and edges, worst first</h2></summary>"
+    also = ", and how far edges are off what the clouds say" if edges else ""
+    note = f"The shift and turn that the other scans ask of each{also}; ▲ probably wrong."
+    what = "Scans and edges" if edges else "Scans"
+    head_line = f"<summary><h2>{what}, worst first</h2></summary>"
     return f'<details class="panel" open>{head_line}<p class="note">{note}</p>{text}</details>'
 
 
@@ -339,6 +341,7 @@ def _page(findings: Findings, scene: PageScene, title: str) -> str:
     content = {
         "title": escape(title),
         "verdict": verdict_line(findings),
+        "poses_line": poses_line(findings),
         "facts": facts(findings),
         "map": map_table(findings),
         "histogram": histogram_svg(sums, unit, findings.threshold),

@@ -59,7 +59,7 @@ PAIR_SHARES = ("overlap", "crossing")
 class Reason(NamedTuple):
     """A reason for a patch's label."""
 
-    text: str  # for people: "parallel to patch 41 at 0.32 m, overlap 78 %"
+    text: str  # for people: "parallel to patch 41 at 0.32 m, overlap 78%"
     log_odds: float  # how much it adds to the log-odds of being suspicious, in nats
     other: int | None  # the other patch, if the reason is a pair
     measures: dict[str, float]  # what the text is made of: metres, degrees and shares by name
@@ -171,7 +171,7 @@ def pair_words(values: dict[str, float], other: int) -> str:
         away = f"{values['separation']:.2f} m from patch {other}, at {angle:.0f} degrees"
         return f"{away}, neither overlapping nor crossing it"
     how = f"parallel to patch {other} at" if angle < PARALLEL_DEG else f"at {angle:.0f} degrees over patch {other} at"
-    return f"{how} {values['offset']:.2f} m, overlap {100.0 * overlap:.0f} %{context_words(values)}"
+    return f"{how} {values['offset']:.2f} m, overlap {overlap:.0%}{context_words(values)}"
 
 
 def context_words(values: dict[str, float]) -> str:

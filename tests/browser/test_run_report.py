@@ -153,6 +153,33 @@ def test_draws_layers_and_themes_change_the_picture(opened):
     assert opened.locator("#bounds").count() == 1
 
 
+ORANGE = """() => {
+  const map = document.getElementById("map"),
+    { data } = map.getContext("2d").getImageData(0, 0, map.width, map.height);
+  const columns = [...Array(map.width * map.height).keys()]
+    .filter((i) => data[4 * i] > 200 && data[4 * i + 1] < 130 && data[4 * i + 2] < 60)
+    .map((i) => i % map.width);
+  return [columns, map.width, map.height];
+}"""
+
+
+def test_edges_of_the_best_map_end_where_readings_do(page, run, tmp_path):
+    image, window = run.image, run.draws.window
+    last = image.seen.shape[1] // 2
+    seen = np.zeros_like(image.seen)
+    seen[:, :last] = True
+    write_report(str(tmp_path / "half.html"), dataclasses.replace(run, image=image._replace(seen=seen)))
+    page.goto((tmp_path / "half.html").as_uri())
+    page.wait_for_selector("body[data-ready]")
+    columns, wide, high = page.evaluate(ORANGE)
+    scale = min((wide - 70) / window.width, (high - 56) / window.height)
+    border = image.origin[0] + (last + 1) * image.resolution
+    assert len(columns) > 200
+    assert max(columns) <= wide / 2 + (border - (window.x_min + window.x_max) / 2) * scale + 1
+    page.click("#outline")
+    assert page.evaluate(ORANGE)[0] == []
+
+
 def test_the_best_map_and_the_view_are_saved(opened, run, tmp_path):
     for button, name, start in (("#geojson", "run.geojson", b'{"schema'), ("#png", "run.png", b"\x89PNG")):
         with opened.expect_download() as saved:

@@ -142,8 +142,7 @@
             element("h4", "What the model says", { class: "model" }),
             element(
               "p",
-              `probability of being suspicious ${figure(shown.p, 3)}, so ${WORDS[shown.model_label]} ` +
-                `(from ${figure(state.threshold, 2)} on: suspicious)`,
+              `${WORDS[shown.model_label]}: probability ${figure(shown.p, 3)}, suspicious from ${figure(state.threshold, 2)} on`,
               { class: "model" },
             ),
             element(

@@ -61,9 +61,10 @@ def report_document(
     content = {
         "title": escape(title or title_of(run)),
         "run": escape(run.name),
+        "of_run": "" if run.path is None or run.name == (title or title_of(run)) else f", run {escape(run.name)}",
         "state": _state(run) if edition else "",
         "headline": headline(run),
-        "agreement": " ".join(filter(None, (agreement_line(run), trajectory_line(run), dispute_line(run)))),
+        "agreement": "<br>".join(filter(None, (agreement_line(run), trajectory_line(run), dispute_line(run)))),
         "plan": plan_section(run),
         "truth": truth_section(truth),
         "functionals": functional_table(run),
@@ -190,7 +191,7 @@ def trajectory_line(run: RunData) -> str:
         return ""
     farthest = float(np.hypot(*run.trajectory.correction[:, :2].T).max())
     length = f"{number(100.0 * farthest, 1)} cm" if farthest < 1.0 else f"{number(farthest, 2)} m"
-    return f"{run.trajectory.words()}; the farthest by {length}."
+    return f"{run.trajectory.words()}. The farthest pose moved {length}."
 
 
 def dispute_line(run: RunData) -> str:
@@ -207,7 +208,7 @@ def functional_table(run: RunData) -> str:
     rows = (run.diagnostics or {}).get("functionals") or {}
     found = {name: _diagnosis(row) for name, row in rows.items()}
     order = sorted(found, key=lambda name: (found[name].agrees(), -found[name].shortfall()))
-    head = ("functional", "R-hat", "ESS", "ground", "")
+    head = ("quantity", "R-hat", "ESS", "ground", "")
     return table(head, [("", (escape(name), *_cells(found[name]))) for name in order], "list")
 
 
@@ -247,8 +248,15 @@ def settings_table(run: RunData) -> str:
     given: Mapping[str, Any] = run.manifest.get("sources") or {}
     settings = run.manifest.get("configuration") or {}
     order = sorted(settings, key=lambda name: (name not in given, name))
-    words = {name: f"{settings[name]}  ({given[name]})" if name in given else settings[name] for name in order}
-    return _plain(list(words.items()))
+    shown = {name: _setting(settings[name]) for name in order}
+    return _plain([(name, f"{text}  ({given[name]})" if name in given else text) for name, text in shown.items()])
+
+
+def _setting(value: Any) -> str:
+    """Return a setting in a few digits: the manifest of the run has all."""
+    if isinstance(value, list | tuple):
+        return ", ".join(map(_setting, value))
+    return "" if value is None else f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
 def _plain(rows: list[tuple[str, Any]]) -> str:

@@ -12,7 +12,7 @@ from prf.results import RunData
 from prf.shell.cli.page import escape
 from prf.shell.errors import InputError
 
-WIDE, HIGH, LEFT, BELOW = 720, 200, 56, 24  # of a diagram, and its margins, in its own units
+WIDE, HIGH, LEFT, BELOW = 720, 240, 84, 28  # of a diagram, and its margins, in its own units
 
 Floats = NDArray[np.float64]
 
@@ -37,23 +37,24 @@ def truth_section(found: TrueErrors | None) -> str:
     absolute = _diagram(
         "Absolute error of each pose", found.scan, {"error": found.place, "95 %, as stated": found.radius}
     )
-    relative = _diagram("Error of each step, from scan to scan", found.scan[1:], {"error": found.step})
+    relative = _diagram("Error of each step, from scan to scan", found.scan, {"error": found.step})
     note = (
         "Absolute errors are those left when the posterior mean of the trajectory is moved and turned as a whole to "
-        "where it fits the truth best. Beside them the long half axis of each pose's ellipse of 95 %."
+        "where it fits the truth best. Dashed: the long half axis of the ellipse that holds each pose at 95\u00a0%."
     )
     return (
         f'<section class="panel wide" id="truth"><h2>Beside the truth</h2><p>{escape(found.words())}. '
-        f'Truth: {escape(found.source)}.</p>{absolute}{relative}<p class="note">{note}</p></section>'
+        f'Truth: {escape(found.source)}.</p><div class="diagrams">{absolute}{relative}</div>'
+        f'<p class="note">{note}</p></section>'
     )
 
 
 def _diagram(title: str, scan: NDArray[np.int64], lines: dict[str, Floats]) -> str:
-    """Return a diagram of lines (k,), metres, over numbers of scans (k,)."""
+    """Return a diagram of lines, metres, over numbers of scans (k,); one of fewer values ends with the last scan."""
     most = max(float(values.max(initial=0.0)) for values in lines.values()) or 1.0
     step = 10.0 ** np.floor(np.log10(most))
     step *= 2.0 if most / step > 5.0 else 1.0 if most / step > 2.0 else 0.5
-    first, last = int(scan.min(initial=0)), int(scan.max(initial=1))
+    first, last = int(scan[0]), int(scan[-1])
     x = LEFT + (WIDE - LEFT) * (scan - first) / max(last - first, 1)
     marks = [
         f'<path class="grid" d="M{LEFT} {_height(y, most)}H{WIDE}"/>'
@@ -66,7 +67,7 @@ def _diagram(title: str, scan: NDArray[np.int64], lines: dict[str, Floats]) -> s
     ]
     drawn = []
     for k, values in enumerate(lines.values()):
-        places = [f"{a:.1f} {_height(b, most)}" for a, b in zip(x, values, strict=True)]
+        places = [f"{a:.1f} {_height(b, most)}" for a, b in zip(x[len(x) - len(values) :], values, strict=True)]
         drawn += [f'<path class="line{k}" d="M{"L".join(places)}"/>'] if places else []
     key = "".join(f'<span class="keep"><i class="line{k}"></i>{name}</span> ' for k, name in enumerate(lines))
     picture = (

@@ -186,8 +186,9 @@ def add_title(axes: Axes, title: str, subtitle: str) -> None:
 
 
 def window_words(window: _Extent) -> str:
-    """Return the size of a window in words."""
-    return f"{window.width:.4g} × {window.height:.4g} m"
+    """Return the size of a window in words, both sides to the same digit."""
+    digits = 1 if min(window.width, window.height) >= 3.0 else 3
+    return f"{window.width:.{digits}f} × {window.height:.{digits}f} m"
 
 
 def number(value: float, digits: int) -> str:

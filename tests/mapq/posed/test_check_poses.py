@@ -288,8 +288,7 @@ def test_the_command_lists_them_and_writes_the_graph(tmp_path: Path, monkeypatch
     assert call(capsys, "report", "out.ply", "-o", "out.html")[0] == 0
     page = (tmp_path / "out.html").read_text()
     assert "Scans and edges, worst first" in page
-    assert "<dt>wrong scans</dt><dd>none, of 9</dd>" in page
-    assert "<dt>wrong edges</dt><dd>1 to 8, of 12</dd>" in page
+    assert "Probably wrong scans: none of 9. Probably wrong edges: <strong>from 1 to 8</strong>, of 12." in page
     assert page.count('<tr class="wrong"><td>▲ 1 to 8</td>') == 1
     code, _, err = call(capsys, *command.split())
     assert (code, len(err.splitlines())) == (4, 1)

@@ -139,8 +139,8 @@ PAIR = {"angle_deg": 1.0, "overlap": 0.0, "crossing": 0.0, "offset": 0.32, "sepa
 @pytest.mark.parametrize(
     ("changes", "expected"),
     [
-        ({"overlap": 0.78}, "parallel to patch 41 at 0.32 m, overlap 78 %"),
-        ({"overlap": 0.78, "angle_deg": 12.0}, "at 12 degrees over patch 41 at 0.32 m, overlap 78 %"),
+        ({"overlap": 0.78}, "parallel to patch 41 at 0.32 m, overlap 78%"),
+        ({"overlap": 0.78, "angle_deg": 12.0}, "at 12 degrees over patch 41 at 0.32 m, overlap 78%"),
         (
             # 2.5 m from one edge and 7.5 m from the other is half of the 5 m to the middle.
             {"crossing": 2.5 / 7.5, "overlap": 0.1},
@@ -152,9 +152,9 @@ PAIR = {"angle_deg": 1.0, "overlap": 0.0, "crossing": 0.0, "offset": 0.32, "sepa
         ),
         (
             {"overlap": 0.8, "facing_away": 0.4},
-            "parallel to patch 41 at 0.32 m, overlap 80 %, seen from opposite sides: two faces of one wall",
+            "parallel to patch 41 at 0.32 m, overlap 80%, seen from opposite sides: two faces of one wall",
         ),
-        ({"overlap": 0.8, "facing_away": 0.1}, "parallel to patch 41 at 0.32 m, overlap 80 %"),
+        ({"overlap": 0.8, "facing_away": 0.1}, "parallel to patch 41 at 0.32 m, overlap 80%"),
         ({"angle_deg": 88.0}, "0.30 m from patch 41, at 88 degrees, neither overlapping nor crossing it"),
     ],
 )

@@ -27,12 +27,20 @@ def written(path: Path, **options: str) -> str:
 
 def test_a_page_is_named_after_its_log_and_says_what_it_shows(tmp_path: Path) -> None:
     page = written(tmp_path / "r.html")
-    assert "<h1>&lt;b&gt;hall</h1>" in page
-    assert "160 maps drawn by 3 chains from 200 laser beams, over a window of 8.003 × 6.5 m." in page
+    assert "<h1>&lt;b&gt;hall<small></small></h1>" in page
+    assert "160 maps drawn by 3 chains from 200 laser beams, over a window of 8.0 × 6.5 m." in page
     assert '<span class="tag converged">converged</span> The chains agree on 100 % of the seen ground.' in page
     assert "all 160 draws of the run, as prf query" in page
     assert "/logs/&lt;b&gt;hall.log.gz, sha256 0" in page
-    assert "<h1>Ours</h1>" in written(tmp_path / "o.html", title="Ours")
+    assert "<h1>Ours<small></small></h1>" in written(tmp_path / "o.html", title="Ours")
+
+
+def test_the_run_is_named_beside_its_log_where_it_is_called_otherwise(tmp_path: Path) -> None:
+    for folder, shown in (("second", "<small>, run second</small>"), ("<b>hall", "<small></small>")):
+        write_report(str(tmp_path / "r.html"), dataclasses.replace(slow_run(), path=tmp_path / folder))
+        page = (tmp_path / "r.html").read_text()
+        assert f"<h1>&lt;b&gt;hall{shown}</h1>" in page
+    assert "<title>&lt;b&gt;hall: posterior over maps</title>" in page
 
 
 def test_sampled_poses_are_in_the_head_and_in_the_scene(tmp_path: Path) -> None:
@@ -42,7 +50,7 @@ def test_sampled_poses_are_in_the_head_and_in_the_scene(tmp_path: Path) -> None:
     run = dataclasses.replace(run, trajectory=found)
     write_report(str(tmp_path / "r.html"), run)
     page = (tmp_path / "r.html").read_text()
-    assert f" of the seen ground. {found.words()}; the farthest by 5.1 cm.</p>" in page
+    assert f" of the seen ground.<br>{found.words()}. The farthest pose moved 5.1 cm.</p>" in page
     scene = pack_scene(run)
     assert (scene.head["given"], scene.head["path"], scene.head["ellipses"]) == (10, 10, 30)
     numbers = unpacked(scene.text)

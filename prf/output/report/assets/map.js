@@ -55,8 +55,18 @@ Prf.Map = class {
     this.posterior = this.picture((i) => grey(this.occupancy[i]));
     this.returning = this.cells.square && this.picture((i) => grey(this.returns[i]));
     this.unseen = this.picture((i) => [0, 0, 0, this.seen[i] ? 0 : 255]);
+    this.nearSeen = this.picture((i) => [0, 0, 0, this.isNearSeen(i) ? 255 : 0]);
     this.veil = this.picture((i) => [...veil, this.seen[i] ? 0 : 170]);
     this.differing = this.picture((i) => [...violet, this.differs(i) ? 0.6 * this.difference[i] : 0]);
+  }
+  // Whether a cell or one of those round it was seen.
+  isNearSeen(cell) {
+    const { nx, ny } = this.cells,
+      [column, row] = [cell % nx, Math.floor(cell / nx)];
+    for (let y = Math.max(0, row - 1); y <= Math.min(ny - 1, row + 1); y++)
+      for (let x = Math.max(0, column - 1); x <= Math.min(nx - 1, column + 1); x++)
+        if (this.seen[y * nx + x]) return true;
+    return false;
   }
   differs(cell) {
     return this.seen[cell] && this.difference[cell] > this.cells.differs;
@@ -156,29 +166,35 @@ Prf.Map = class {
     pen.drawImage(picture, 0, 0, nx * side, ny * side);
     pen.restore();
   }
-  // Where no reading was, the guess of the prior under a veil and hatches as wide as pixels, these on a canvas of their own.
-  drawUnseen(pen) {
+  // What stroke(pen) draws at once, where a picture of the cells lets it through: on a canvas of its own.
+  drawThrough(pen, picture, stroke) {
     const { width, height } = this.canvas,
       sheet = Object.assign(document.createElement("canvas"), { width, height }),
-      ink = sheet.getContext("2d"),
-      gap = 9 * this.density;
+      ink = sheet.getContext("2d");
     this.toPixels(ink, this.step);
-    this.drawCells(ink, this.unseen);
-    ink.resetTransform();
+    this.drawCells(ink, picture);
     ink.globalCompositeOperation = "source-in";
-    ink.strokeStyle = Theme.colour("map-unseen");
-    ink.lineWidth = 0.8 * this.density;
-    ink.beginPath();
-    for (let x = -height; x < width; x += gap) {
-      ink.moveTo(x, height);
-      ink.lineTo(x + height, 0);
-    }
-    ink.stroke();
-    this.drawCells(pen, this.veil);
+    stroke(ink);
     pen.save();
     pen.resetTransform();
     pen.drawImage(sheet, 0, 0);
     pen.restore();
+  }
+  // Where no reading was, the guess of the prior under a veil and hatches as wide as pixels.
+  drawUnseen(pen) {
+    const { width, height } = this.canvas;
+    this.drawCells(pen, this.veil);
+    this.drawThrough(pen, this.unseen, (ink) => {
+      ink.resetTransform();
+      ink.strokeStyle = Theme.colour("map-unseen");
+      ink.lineWidth = 0.8 * this.density;
+      ink.beginPath();
+      for (let x = -height; x < width; x += 9 * this.density) {
+        ink.moveTo(x, height);
+        ink.lineTo(x + height, 0);
+      }
+      ink.stroke();
+    });
   }
   drawScene(pen, pixel) {
     const { look, scene } = this,
@@ -187,15 +203,17 @@ Prf.Map = class {
         for (let i = 0; i < numbers.length; i += 2)
           pen.fillRect(numbers[i] - side / 2, numbers[i + 1] - side / 2, side, side);
       },
-      lines = (numbers, each, width, colour) => {
-        pen.beginPath();
-        for (let i = 0; i < numbers.length; i += 2) pen[i % each ? "lineTo" : "moveTo"](numbers[i], numbers[i + 1]);
-        pen.lineWidth = width * pixel;
-        pen.strokeStyle = Theme.colour(colour);
-        pen.stroke();
+      lines = (numbers, each, width, colour, ink = pen) => {
+        ink.lineJoin = ink.lineCap = "round";
+        ink.beginPath();
+        for (let i = 0; i < numbers.length; i += 2) ink[i % each ? "lineTo" : "moveTo"](numbers[i], numbers[i + 1]);
+        ink.lineWidth = width * pixel;
+        ink.strokeStyle = Theme.colour(colour);
+        ink.stroke();
       };
     pen.lineJoin = pen.lineCap = "round";
-    if (look.outline && look.base !== "best") lines(scene.best, 4, 1.4, "map-outline");
+    if (look.outline && look.base !== "best")
+      this.drawThrough(pen, this.nearSeen, (ink) => lines(scene.best, 4, 1.4, "map-outline", ink));
     if (look.readings) {
       pen.fillStyle = Theme.colour("map-return");
       dots(scene.returns, 2);
@@ -236,7 +254,7 @@ Prf.Map = class {
       pen.translate(...this.onCanvas([x, y]));
       pen.rotate(-theta);
       pen.strokeStyle = "#ffffff";
-      pen.fillStyle = Theme.colour("good");
+      pen.fillStyle = Theme.colour("map-places");
       pen.lineWidth = 2 * unit;
       pen.globalAlpha = rank ? 0.75 : 1;
       pen.beginPath();

@@ -22,21 +22,21 @@ const Canvas = (() => {
     pen.fillStyle = Theme.colour(ink);
     pen.fillText(text, x, y);
   }
-  // Ticks at the lower and the left side; scale: pixels of the screen a metre.
+  // Ticks at the lower and the left side, those whose words fit; scale: pixels of the screen a metre.
   function axes(pen, middle, scale, density) {
     const { width, height } = pen.canvas,
       step = niceStep(90 / scale),
       factor = scale * density;
     for (let k = Math.ceil((middle[0] - width / 2 / factor) / step); ; k++) {
       const px = width / 2 + (k * step - middle[0]) * factor;
-      if (px > width) break;
+      if (px + (7 * metres(k * step).length + 3) * density > width) break;
       if (px < 30 * density) continue;
       label(pen, metres(k * step), px + 3 * density, height - 4 * density, density);
       pen.fillRect(px, height - 5 * density, density, 5 * density);
     }
     for (let k = Math.ceil((middle[1] - height / 2 / factor) / step); ; k++) {
       const py = height / 2 - (k * step - middle[1]) * factor;
-      if (py < 0) break;
+      if (py < 14 * density) break;
       label(pen, metres(k * step), 3 * density, py - 3 * density, density);
       pen.fillRect(0, py, 12 * density, density);
     }
