@@ -71,8 +71,10 @@ Views.View = (() => {
         this.drawPoints(raster, this.scene.m, Theme.rgb("map-loose"), Math.max(1, 0.8 * size));
         for (const patch of this.groups) this.drawPoints(raster, patch, this.look.colour(patch), size);
       }
-      const pen = canvas.getContext("2d");
-      pen.putImageData(raster.image, 0, 0);
+      const pen = canvas.getContext("2d"),
+        sheet = Object.assign(document.createElement("canvas"), { width: wide, height: tall });
+      sheet.getContext("2d").putImageData(raster.image, 0, 0);
+      pen.drawImage(sheet, 0, 0); // browsers that print a canvas by its strokes leave pixels out that were put into it
       if (this.look.outlines) this.drawOutlines(pen);
       if (this.look.selected >= 0) this.drawSelected(pen, size);
       const { measuring, marks } = this.look;
