@@ -87,7 +87,7 @@ docs: $(DOCS_STAMP) ## write docs/reference from the command lines, and the site
 	$(BIN)/python -m docs.make_reference
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m docs.make_site
 
-figures: setup ## make the pictures of README and tutorials anew; about a minute
+figures: setup ## make the pictures of README and tutorials anew; a quarter of an hour
 	$(BIN)/python -m docs.make_figures
 
 bench: setup ## speed and quality beside references in the same run; some ten minutes

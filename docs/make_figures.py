@@ -1,4 +1,4 @@
-"""Makes the pictures of README and tutorials anew: `make figures`, about four minutes.
+"""Makes the pictures of README and tutorials anew: `make figures`, a quarter of an hour.
 
 The same seeds as in the tutorials. Screenshots of reports need chromium, those of real places (`intel.png`, `park.png`)
 the public data beside the project as well. The labelling page (`label-town.png`) and figures of benchmarks
@@ -227,7 +227,7 @@ def photograph(report: Path, path: Path, script: str = "") -> None:
         sync_playwright() as playwright,
         playwright.chromium.launch(executable_path=program, args=["--no-sandbox"]) as browser,
     ):
-        page = browser.new_page(viewport={"width": 1420, "height": 850})
+        page = browser.new_page(viewport={"width": 1420, "height": 1000})
         page.set_default_timeout(120_000)
         page.goto(report.as_uri())
         page.wait_for_selector("body[data-ready]")

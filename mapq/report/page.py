@@ -45,7 +45,7 @@ def verdict_line(findings: Findings) -> str:
     share = percent(verdict.get("share_of_area", counts.get("share_of_area")))
     line = f"<strong>{share}</strong> of the surface judged is suspicious"
     if verdict.get("tolerance_m") is not None:
-        line += f": farther apart than {number(verdict['tolerance_m'])} m"
+        line += f": farther apart than {number(verdict['tolerance_m'], 2)} m"
     if coverage != DASH:
         line += f"; {coverage} of all planes could be judged"
     line += caveat(verdict)
@@ -78,7 +78,8 @@ def _facts(findings: Findings) -> Iterator[tuple[str, str]]:
     for name, each in (counts.get("by_surface") or {}).items():
         yield name, f"{number(each.get('area_m2'))} m², {percent(each.get('share_of_area'))} of it suspicious"
     yield "points", f"{number(n_points, 0)}, {percent(share)} of them in patches; the others are not judged"
-    yield "unit", f"{cloud.unit_words}; lengths and places on this page are in metres"
+    also = "" if (cloud.unit == 1.0).all() else "; lengths and places on this page are in metres"
+    yield "unit", f"{cloud.unit_words}{also}"
     if len(findings.rows) < len(findings.label):
         yield (
             "listed",
@@ -248,7 +249,7 @@ def _plain(rows: Iterable[tuple[str, str]]) -> str:
 
 
 N_BINS = 20
-WIDTH, HEIGHT, LEFT, RIGHT, BOTTOM, TOP = 460.0, 150.0, 46.0, 450.0, 132.0, 8.0
+WIDTH, HEIGHT, LEFT, RIGHT, BOTTOM, TOP = 460.0, 150.0, 56.0, 450.0, 132.0, 8.0
 """Pixels: size of the drawing, and where its axes are."""
 
 Floats = NDArray[np.float64]
@@ -274,7 +275,7 @@ def histogram_svg(sums: Floats, unit: str, threshold: float) -> str:
     parts = [_line("axis", LEFT, RIGHT, BOTTOM, BOTTOM)]
     for share in (0.0, 0.5, 1.0):
         y = BOTTOM - high * share
-        parts.append(_line("grid", LEFT, RIGHT, y, y) + _text(LEFT - 6, y + 4, "end", f"{share * top:,.4g}"))
+        parts.append(_line("grid", LEFT, RIGHT, y, y) + _text(LEFT - 6, y + 4, "end", f"{share * top:,.9g}"))
     for index, counts in enumerate(sums.T.tolist()):
         foot = BOTTOM
         for kind, value in zip(("plausible", "suspicious"), counts, strict=True):

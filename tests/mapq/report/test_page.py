@@ -132,7 +132,7 @@ def test_a_map_in_feet_is_shown_and_compared_in_metres(tmp_path):
         for name, patches in (("m.ply", draw_patches(1)), ("ft.ply", in_feet(draw_patches(1))))
     )
     texts = [report(tmp_path / "r.html", read_findings(str(path))) for path in (plain, feet)]
-    assert "<dd>coordinates taken as metres; lengths" in texts[0]
+    assert "<dd>coordinates taken as metres</dd>" in texts[0]
     assert "<dd>coordinates in units of 0.3048 m; lengths" in texts[1]
     pages = [data_of(text) for text in texts]
     for name in ("centre", "normal", "label"):
