@@ -369,20 +369,19 @@ def _verdict(result: Result, limits: Mapping[str, Any]) -> str:
     from mapq.patches import caveat
 
     counts, verdict = result.counts, result.verdict(**limits)
-    ends = caveat(verdict) + {None: "", True: ": the map passes", False: ": the map does not pass"}[verdict["passed"]]
+    passed = {None: "", True: ": the map passes", False: ": the map does not pass"}[verdict["passed"]]
     patches = f"{counts['n_suspicious']} of {counts['n_patches']} patches"
     if not counts["n_patches"]:
-        return f"nothing was judged, {patches}{ends}"
-    area = f"{counts['area_suspicious_m2']:.1f} of {counts['area_m2']:.1f} m2"
-    share = f"{counts['share_of_area']:.1%} of the area judged is suspicious"
-    return f"{share} at {result.tolerance:.2f} m ({area}, {patches}; {result.patches.cloud.unit_words}){ends}"
+        return f"nothing was judged, {patches}{caveat(verdict)}{passed}"
+    share = f"{counts['share_of_area']:.1%} of the area judged is suspicious at {result.tolerance:.2f} m"
+    patches = f"{counts['area_suspicious_m2']:.1f} of {counts['area_m2']:.1f} m2, {patches}"
+    return f"{share} ({patches}; {result.patches.cloud.unit_words}){caveat(verdict)}{passed}"
 
 
 def _region(result: Result, region: Region) -> str:
     """Return size, place and cause of a region."""
-    cloud = result.patches.cloud
+    cloud, words = result.patches.cloud, [f"{len(region.patches)} patch{'' if len(region.patches) == 1 else 'es'}"]
     size = " x ".join(f"{length:.1f}" for length in ((region.high - region.low) * cloud.unit).tolist())
-    words = [f"{len(region.patches)} patch{'' if len(region.patches) == 1 else 'es'}"]
     words.append(f"{region.area:.1f} m2 in {size} m at {cloud.place_words(region.centre)}")
     if region.displacement == region.displacement:
         words.append(f"surfaces {region.displacement:.2f} m apart")
