@@ -15,7 +15,7 @@ import numpy as np
 from benchmarks.table2 import MANY, PLAIN, TEST_SEEDS, TRAIN_SEEDS, Row, line, make_map, run
 from mapq.configuration import CONTEXTS, FeatureSettings, TrainSettings
 
-ALL, LITERAL = FeatureSettings(), FeatureSettings(reading="literal")
+ALL = FeatureSettings()
 
 ROWS = (
     Row("everything", ALL, TrainSettings(), True),
@@ -26,7 +26,7 @@ ROWS = (
     Row("no passes known", ALL, TrainSettings()),
     Row("no context", PLAIN, TrainSettings()),
     Row("not watched", FeatureSettings(watched=0), TrainSettings(), True),
-    Row("literal features", LITERAL, TrainSettings(), True),
+    Row("literal features", None, TrainSettings(), True),
     Row("no edges", ALL, TrainSettings(edge_model="none"), True),
     Row("max-margin", ALL, TrainSettings(objective="max-margin"), True),
     Row("unweighted", ALL, TrainSettings(class_weight="none"), True),

@@ -19,12 +19,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.drawn_labels import draw_labels
+from benchmarks.literal import measure_by
 from benchmarks.table2 import MANY, PLAIN, TRAIN_SEEDS, Row, make_map, seen
 from mapq.configuration import CONTEXTS, FeatureSettings, SimulateSettings, TrainSettings
 from mapq.crf import classify
 from mapq.crf.cross_validation import train
 from mapq.crf.train import TrainingMap
-from mapq.features import patch_features
 from mapq.features.compute import feature_settings
 from mapq.io.models import read_default_model
 from mapq.labels import SUSPICIOUS
@@ -53,7 +53,7 @@ GROUPS = {
 
 ROWS = (
     Row("nodes only", PLAIN, TrainSettings(edge_model="none")),
-    Row("paper-literal", FeatureSettings(reading="literal"), TrainSettings(edge_model="symmetric")),
+    Row("paper-literal", None, TrainSettings(edge_model="symmetric")),
     Row("no context", PLAIN, TrainSettings()),
     Row("context, without passes", FeatureSettings(), TrainSettings()),
     Row("context", FeatureSettings(), TrainSettings(), True),
@@ -79,7 +79,7 @@ def teach(row: Row, maps: Sequence[Patches]) -> Model:
     """Return the model that a row teaches."""
     labels = draw_labels(maps, MANY, 0)
     regions = regions_of(maps, labels, region_size(labels, N_REGIONS))
-    found = [patch_features(patches, row.features) for patches in maps]
+    found = [measure_by(patches, row.features) for patches in maps]
     return train([TrainingMap(*each) for each in zip(found, labels, regions, strict=True)], row.settings).model
 
 
@@ -96,7 +96,7 @@ def run(row: Row, model: Model, worlds: Mapping[str, Sequence[Patches]]) -> dict
     out: dict[str, Any] = {"name": row.name}
     for world, maps in worlds.items():
         called = np.concatenate(
-            [classify(patch_features(each, row.features), model).label == SUSPICIOUS for each in seen(row, maps)]
+            [classify(measure_by(each, row.features), model).label == SUSPICIOUS for each in seen(row, maps)]
         )
         truth = np.concatenate([each.label == SUSPICIOUS for each in maps])
         kind = np.concatenate([kinds_of(each) for each in maps])

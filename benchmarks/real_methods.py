@@ -8,11 +8,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from benchmarks.literal import measure_by
 from mapq.configuration import FeatureSettings, SimulateSettings, TrainSettings
 from mapq.crf import classify
 from mapq.crf.cross_validation import train
 from mapq.crf.train import TrainingMap
-from mapq.features import patch_features
 from mapq.features.compute import feature_settings
 from mapq.io.models import read_default_model
 from mapq.labels import PLAUSIBLE, SUSPICIOUS, UNLABELLED
@@ -34,17 +34,15 @@ MAJORITY = "majority"
 
 
 class Method(NamedTuple):
-    """How features are read and weights are trained."""
+    """How patches are measured and weights are trained."""
 
-    features: FeatureSettings
+    features: FeatureSettings | None  # None: the equations as printed
     settings: TrainSettings
 
 
 METHODS = {
     "nodes only": Method(FeatureSettings(context=()), TrainSettings(edge_model="none", class_weight="none")),
-    "paper-literal": Method(
-        FeatureSettings(reading="literal"), TrainSettings(edge_model="symmetric", class_weight="none")
-    ),
+    "paper-literal": Method(None, TrainSettings(edge_model="symmetric", class_weight="none")),
     "default": Method(FeatureSettings(), TrainSettings(class_weight="none")),
 }
 
@@ -72,14 +70,18 @@ def without_scans(patches: Patches) -> Patches:
 
 
 def train_on(maps: Sequence[Patches], name: str) -> Model:
-    """Return a model of a method, regularised by cross-validation over regions of the maps."""
+    """Return a model of a method, regularised by cross-validation over regions of the maps.
+
+    It stores the settings of its features; none if they are the equations as printed.
+    """
     method = METHODS[name.removesuffix(KNOWN)]
     maps = maps if name.endswith(KNOWN) else [without_scans(patches) for patches in maps]
     labels = [patches.label for patches in maps]
     regions = regions_of(maps, labels, region_size(labels, N_REGIONS))
     rows = zip(maps, labels, regions, strict=True)
-    prepared = [TrainingMap(patch_features(p, method.features), label, region) for p, label, region in rows]
-    return replace(train(prepared, method.settings).model, features=method.features.stored())
+    prepared = [TrainingMap(measure_by(p, method.features), label, region) for p, label, region in rows]
+    stored = {} if method.features is None else method.features.stored()
+    return replace(train(prepared, method.settings).model, features=stored)
 
 
 def models_from_simulation() -> dict[str, Model]:
@@ -94,7 +96,8 @@ def say(patches: Patches, name: str, model: Model) -> Labels:
     if len(patches) == 0:
         return Labels(np.zeros(0, np.uint8), np.zeros(0))
     patches = patches if KNOWN in name else without_scans(patches)
-    found = classify(patch_features(patches, feature_settings(model)), model)
+    settings = feature_settings(model) if model.features else None
+    found = classify(measure_by(patches, settings), model)
     return Labels(found.label, found.probability.astype(np.float64))
 
 

@@ -23,7 +23,7 @@ UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "ft": 0.3048, "us-ft": 1200.0 / 3937
 STORED = {"neighbours": "n_neighbours", "watched": "n_watched"}
 """Feature settings whose names in model files are others."""
 IN_MODELS = (
-    *("reading", "neighbours", "radius", "tau", "eps", "noise", "watched"),
+    *("neighbours", "radius", "tau", "eps", "noise", "watched"),
     *("tolerance", "spacing", "up", "context"),
 )
 """Feature settings in the order of model files."""
@@ -31,7 +31,6 @@ IN_MODELS = (
 SurfaceKind = Literal["upright", "level", "tilted", "curved"]
 SURFACES: tuple[SurfaceKind, ...] = ("upright", "level", "tilted", "curved")
 """Planes up to 30 degrees from vertical, from horizontal, the rest (:func:`mapq.patches.surface_kinds`); cylinders."""
-Reading = Literal["safe", "literal"]
 Context = Literal["outlines", "moments", "rays", "copies"]
 CONTEXTS: tuple[Context, ...] = ("outlines", "moments", "rays", "copies")
 """Groups of context features, beyond the paper; moments and rays need fields of times or sensors."""
@@ -172,7 +171,6 @@ class SegmentSettings(Table):
 class FeatureSettings(Table):
     """How patches are measured (docs/features.md), by features and train; classify does as its model."""
 
-    reading: Reading = key("safe", "", "safe: bounded features in metres; literal: the equations as printed")
     neighbours: int = key(4, "", "closest patches that each patch is joined to", ge=1, le=10_000)
     watched: int = key(
         16, "", "of so many closest patches those are joined too that lie over it or cross it", ge=0, le=10_000
@@ -202,8 +200,8 @@ class FeatureSettings(Table):
         `noise`: standard deviation of points from their surface, in metres. `up`: unit vector.
         """
         values = {STORED.get(name, name): value for name, value in self}
-        context = list(self.context) if self.reading == "safe" else []
-        return {**values, "noise": noise, "tolerance": self.tolerance_at(noise), "up": up, "context": context}
+        estimated = {"noise": noise, "tolerance": self.tolerance_at(noise), "up": up}
+        return {**values, **estimated, "context": list(self.context)}
 
 
 class TrainSettings(Table):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated
 
@@ -15,8 +14,6 @@ from prf.shell.cli.settings import Loaded
 
 if TYPE_CHECKING:
     from mapq.features.table import PatchFeatures, Table
-
-logger = logging.getLogger(__name__)
 
 EXAMPLES = (
     "mapq features map.patches",
@@ -52,14 +49,12 @@ def features(
     if csv and json:
         raise UsageError("--csv and --json do not go together.")
     found = patch_features(read_patches(patches), settings.settings.features, progress=True)
-    if found.n_clipped:
-        logger.warning("%s: %d values were infinite, undefined or beyond 1e6 and were cut.", patches, found.n_clipped)
     tables = {"nodes": node_table(found), "edges": edge_table(found)}
     if json:
         units = {name: dict(zip(table.names, table.units, strict=True)) for name, table in tables.items()}
         content = {name: records(table) for name, table in tables.items()}
         head = {"parameters": found.parameters, "n_patches": len(found.node), "n_pairs": len(found.pairs)}
-        storage.emit_object("mapq.features/1", {**head, "n_clipped": found.n_clipped, "units": units, **content})
+        storage.emit_object("mapq.features/1", {**head, "units": units, **content})
     elif csv:
         console.emit("\n\n".join("\n".join(csv_lines(table)) for table in tables.values()))
     else:
@@ -72,7 +67,6 @@ def _lines(found: PatchFeatures, tables: dict[str, Table]) -> Iterator[str]:
     from mapq.features.table import summed_up
 
     used = found.parameters
-    yield f"{'reading':<16}{found.reading}"
     yield f"{'patches':<16}{len(found.node)}"
     closest = f"the {used['n_neighbours']} closest of each within {used['radius']:g} m, tau {used['tau']:g} m"
     yield f"{'pairs':<16}{len(found.pairs)}, {closest}"

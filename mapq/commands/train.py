@@ -55,11 +55,8 @@ def train(
 
     target = output or "model.json"
     sources = {table: sources_of(settings, table) for table in ("features", "crf")}
-    reading, chosen = settings.settings.features, settings.settings.crf
-    if reading.reading == "literal" and "potential" not in sources["crf"]:
-        chosen = chosen.replace(potential="linear")
     claim_output(target, force, inputs=[*patches, settings.file], suffixes=(".json",), json=json)
-    model = fit(patches, chosen, reading, conservative=conservative)
+    model = fit(patches, settings.settings.crf, settings.settings.features, conservative=conservative)
     model = dataclasses.replace(model, training={**model.training, "sources": sources})
     write_model(target, model)
     if json:

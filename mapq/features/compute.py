@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 
 from mapq.axes import GroundPlan, corner_of, from_corner, turn, turn_patches
 from mapq.configuration import IN_MODELS, STORED, FeatureSettings
-from mapq.features import literal
 from mapq.features.context import Beyond, measure_context
 from mapq.features.pairs import EDGE_NAMES, PatchGraph, edge_features, find_neighbours, take_pairs
 from mapq.features.shape import (
@@ -41,16 +40,20 @@ def patch_features(
 
     `progress`: receives the steps done, of `N_STEPS`.
 
-    Section 3.2 of the paper. The safe reading is finite for every patch with a point, and changes with neither the
-    order of the points nor a shift of the map, nor a turn by quarters about z.
+    Section 3.2 of the paper. Features are finite for every patch with a point, and change with neither the order of
+    the points nor a shift of the map, nor a turn by quarters about z.
     """
     settings = settings or FeatureSettings()
-    up, quarter = up_direction(patches, settings), GroundPlan.of(patches.cloud.xyz).quarter()
-    x, y, z = turn(up, quarter).tolist()
+    found = measure(*in_own_axes(patches, settings), progress=progress)
+    return found._replace(parameters={**found.parameters, "up": up_direction(patches, settings).tolist()})
+
+
+def in_own_axes(patches: Patches, settings: FeatureSettings) -> tuple[Patches, FeatureSettings]:
+    """Return patches in the map's own axes, their places counted from the corner, and settings with up in these."""
+    quarter = GroundPlan.of(patches.cloud.xyz).quarter()
+    x, y, z = turn(up_direction(patches, settings), quarter).tolist()
     turned = turn_patches(patches, quarter)
-    own = from_corner(turned, corner_of(turned))
-    found = measure(own, settings.replace(up=(x, y, z)), progress=progress)
-    return found._replace(parameters={**found.parameters, "up": up.tolist()})
+    return from_corner(turned, corner_of(turned)), settings.replace(up=(x, y, z))
 
 
 def measure(
@@ -70,50 +73,31 @@ def measure(
     report(1)
     graph = find_neighbours(shapes, settings, own)
     report(2)
-    found = PatchFeatures(
-        reading=settings.reading,
-        node=node_features(shapes, settings),
-        pairs=graph.pairs,
-        edge=np.zeros((0, 0)),
-        plausibility=np.zeros(0),
-        node_names=NODE_NAMES,
-        edge_names=EDGE_NAMES,
-        n_clipped=0,
-        shape=shape_table(shapes),
-        shape_names=SHAPE_NAMES,
-        context_names=(),
-        parameters=settings.described(shapes.noise(settings), shapes.up.tolist()),
-    )
-    if settings.reading == "safe":
-        found = _with_pairs(found, patches, shapes, graph, settings, beyond)
-    else:
-        found = found._replace(**literal.measure(shapes, graph, settings))
+    found = _features_of(patches, shapes, graph, settings, beyond)
     report(3)
     return found
 
 
-def _with_pairs(
-    found: PatchFeatures,
-    patches: Patches,
-    shapes: PatchShapes,
-    graph: PatchGraph,
-    settings: FeatureSettings,
-    beyond: Beyond | None,
+def _features_of(
+    patches: Patches, shapes: PatchShapes, graph: PatchGraph, settings: FeatureSettings, beyond: Beyond | None
 ) -> PatchFeatures:
-    """Return features with those of the pairs that are close or in conflict, and with the context."""
+    """Return the features of patches, and of the pairs that are close or in conflict, with the context."""
     edge, plausibility = edge_features(shapes, graph, settings)
     conflict = edge[:, EDGE_NAMES.index("overlap")] + edge[:, EDGE_NAMES.index("crossing")] > MIN_CONFLICT
     joined = graph.close | conflict
     graph, edge = take_pairs(graph, joined), edge[joined]
     of_patches, of_pairs = measure_context(patches, shapes, graph, edge, settings, beyond)
-    return found._replace(
-        node=np.column_stack([found.node, *of_patches.values()]),
+    return PatchFeatures(
+        node=np.column_stack([node_features(shapes, settings), *of_patches.values()]),
         pairs=graph.pairs,
         edge=np.column_stack([edge, *of_pairs.values()]),
         plausibility=plausibility[joined],
         node_names=(*NODE_NAMES, *of_patches),
         edge_names=(*EDGE_NAMES, *of_pairs),
+        shape=shape_table(shapes),
+        shape_names=SHAPE_NAMES,
         context_names=tuple(of_pairs),
+        parameters=settings.described(shapes.noise(settings), shapes.up.tolist()),
     )
 
 

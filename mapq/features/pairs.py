@@ -1,4 +1,4 @@
-"""Pairs of neighbours: which patches are joined, and how they lie to one another (equations 9 to 13, safe reading)."""
+"""Pairs of neighbours: which patches are joined, and how they lie to one another (equations 9 to 13)."""
 
 from __future__ import annotations
 
@@ -38,12 +38,12 @@ def find_neighbours(shapes: PatchShapes, settings: FeatureSettings, own: NDArray
 
     "The four closest plane patches to the current plane patch with respect to euclidean distance within a radius of s
     meters", by closest points and not by centroids; that of two patches one has the other among its closest is enough.
-    Equally close ones are taken largest first, then by their place. In the safe reading those watched for conflicts
-    are returned as well, which only measuring them can show.
+    Equally close ones are taken largest first, then by their place. Those watched for conflicts are
+    returned as well, which only measuring them can show.
     """
-    n_watched = settings.watched if settings.reading == "safe" else 0
-    pairs, distance, middle = measure_candidates(shapes, settings, max(settings.neighbours, n_watched))
-    watched = closest_of_each(pairs, distance, shapes.size_rank, max(settings.neighbours, n_watched), own)
+    n_watched = max(settings.neighbours, settings.watched)
+    pairs, distance, middle = measure_candidates(shapes, settings, n_watched)
+    watched = closest_of_each(pairs, distance, shapes.size_rank, n_watched, own)
     close = np.zeros(len(pairs), np.bool_)
     close[closest_of_each(pairs, distance, shapes.size_rank, settings.neighbours, own)] = True
     kept = watched[np.lexsort((pairs[watched, 1], pairs[watched, 0]))]

@@ -1,4 +1,4 @@
-"""`PatchShapes`: each patch measured on its own, in metres; and the node features (equations 6 to 8, safe reading)."""
+"""`PatchShapes`: each patch measured on its own, in metres; and the node features (equations 6 to 8)."""
 
 from __future__ import annotations
 

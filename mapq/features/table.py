@@ -12,42 +12,39 @@ from numpy.typing import NDArray
 from mapq.features.copies import COLUMNS
 
 UNITS = {
-    "safe": {
-        "patch": "number",
-        "n_points": "count",
-        "rms_m": "m",
-        "thickness_m": "m",
-        "area_m2": "m2",
-        "width_m": "m",
-        "height_m": "m",
-        "tilt_deg": "degrees",
-        "fit": "1",
-        "tilt": "1",
-        "thickness": "1",
-        "i": "number",
-        "j": "number",
-        "separation": "m",
-        "weight": "1",
-        "overlap": "1",
-        "crossing": "1",
-        "angle_deg": "degrees",
-        "offset": "m",
-        "overlap_area": "m2",
-        "plausibility": "1",
-        "disagreement": "m",
-        "disagreement_low": "m",
-        "disagreement_high": "m",
-        "n_scans": "count",
-        "seen_by_several": "1",
-        **dict.fromkeys(COLUMNS, "1"),
-        "shift_along": "m",
-        "shift_length": "m",
-        "partly_covered": "1",
-        "unlike_height": "1",
-        "facing_away": "1",
-    }
+    "patch": "number",
+    "n_points": "count",
+    "rms_m": "m",
+    "thickness_m": "m",
+    "area_m2": "m2",
+    "width_m": "m",
+    "height_m": "m",
+    "tilt_deg": "degrees",
+    "fit": "1",
+    "tilt": "1",
+    "thickness": "1",
+    "i": "number",
+    "j": "number",
+    "separation": "m",
+    "weight": "1",
+    "overlap": "1",
+    "crossing": "1",
+    "angle_deg": "degrees",
+    "offset": "m",
+    "overlap_area": "m2",
+    "plausibility": "1",
+    "disagreement": "m",
+    "disagreement_low": "m",
+    "disagreement_high": "m",
+    "n_scans": "count",
+    "seen_by_several": "1",
+    **dict.fromkeys(COLUMNS, "1"),
+    "shift_along": "m",
+    "shift_length": "m",
+    "partly_covered": "1",
+    "unlike_height": "1",
+    "facing_away": "1",
 }
-UNITS["literal"] = {**UNITS["safe"], "inverse_mse": "1/m2", "inverse_up_cosine": "1", "volume_per_area": "m"}
 SHARES = (0.05, 0.5, 0.95)
 """Quantiles that sum up a column for a person."""
 
@@ -57,8 +54,6 @@ class PatchFeatures(NamedTuple):
 
     Attributes
     ----------
-    reading : str
-        ``safe`` or ``literal``: how equations 6-13 were read.
     node : (n_patches, n_node) float64
         Node features, named by `node_names`.
     pairs : (n_pairs, 2) int32
@@ -68,8 +63,6 @@ class PatchFeatures(NamedTuple):
     plausibility : (n_pairs,) float64
         x_ij of equation 13: high is plausible.
     node_names, edge_names : tuple of str
-    n_clipped : int
-        Values of the literal reading that were not finite, or too large, and were cut.
     shape : (n_patches, n_shape) float64
         Measures of a patch for people, named by `shape_names`: counts, metres, m², degrees. The random field has none.
     shape_names : tuple of str
@@ -79,14 +72,12 @@ class PatchFeatures(NamedTuple):
         What the features were computed with, estimates included: numbers in metres, the up direction.
     """
 
-    reading: str
     node: NDArray[np.float64]
     pairs: NDArray[np.int32]
     edge: NDArray[np.float64]
     plausibility: NDArray[np.float64]
     node_names: tuple[str, ...]
     edge_names: tuple[str, ...]
-    n_clipped: int
     shape: NDArray[np.float64] = np.zeros((0, 0))
     shape_names: tuple[str, ...] = ()
     context_names: tuple[str, ...] = ()
@@ -105,7 +96,7 @@ class PatchFeatures(NamedTuple):
     @property
     def units(self) -> Mapping[str, str]:
         """Unit of each column of `nodes` and `edges`."""
-        return UNITS[self.reading]
+        return UNITS
 
     @property
     def disagreement(self) -> NDArray[np.float64]:
@@ -141,18 +132,17 @@ def node_table(features: PatchFeatures) -> Table:
     count = features.shape[:, 0].astype(np.int64)
     numbers = np.arange(len(features.node))
     names = ("patch", *features.shape_names, *features.node_names)
-    return _table(features, names, [numbers, count, *features.shape[:, 1:].T, *features.node.T])
+    return _table(names, [numbers, count, *features.shape[:, 1:].T, *features.node.T])
 
 
 def edge_table(features: PatchFeatures) -> Table:
     """Return a row a pair: both numbers, its edge features, its plausibility."""
     names = ("i", "j", *features.edge_names, "plausibility")
-    return _table(features, names, [*features.pairs.T, *features.edge.T, features.plausibility])
+    return _table(names, [*features.pairs.T, *features.edge.T, features.plausibility])
 
 
-def _table(features: PatchFeatures, names: tuple[str, ...], columns: list[NDArray[Any]]) -> Table:
-    units = UNITS[features.reading]
-    return Table(names, tuple(units[name] for name in names), columns)
+def _table(names: tuple[str, ...], columns: list[NDArray[Any]]) -> Table:
+    return Table(names, tuple(UNITS[name] for name in names), columns)
 
 
 def csv_lines(table: Table) -> Iterator[str]:

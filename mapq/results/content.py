@@ -39,7 +39,7 @@ def head_of(result: Result, process: Mapping[str, Any], verdict: Mapping[str, An
         "calibration": result.model.calibration.kind,
         "tolerance": result.tolerance,
         "threshold": {"difference": result.model.threshold, "p_suspicious": cut_probability(result.model)},
-        "features": {**result.features.parameters, "n_clipped": result.features.n_clipped},
+        "features": dict(result.features.parameters),
         "segmentation": {"parameters": result.patches.parameters, "report": result.patches.report},
         "verdict": verdict,
         **pose_rows(result.poses),

@@ -124,7 +124,7 @@ def test_json_holds_every_patch_and_pair(capsys, path):
     result = json.loads(out)
     expected = patch_features(sample_patches(CORNER, density=10))
     assert result["schema"] == "mapq.features/1"
-    assert (result["n_patches"], result["n_pairs"], result["n_clipped"]) == (3, 3, 0)
+    assert (result["n_patches"], result["n_pairs"]) == (3, 3)
     assert [row["fit"] for row in result["nodes"]] == expected.node[:, 0].tolist()
     assert [row["plausibility"] for row in result["edges"]] == expected.plausibility.tolist()
     assert [[row["i"], row["j"]] for row in result["edges"]] == expected.pairs.tolist()

@@ -35,7 +35,7 @@ def test_weights_and_held_out_scores_are_printed(capsys, tmp_path, monkeypatch):
 
 def test_options_reach_the_model(capsys, tmp_path):
     path, target = save_patches(tmp_path), tmp_path / "m.json"
-    features = ("reading=literal", "radius=2.5", "tau=0.7", "neighbours=3", "watched=7", "tolerance=0.2")
+    features = ("radius=2.5", "tau=0.7", "neighbours=3", "watched=7", "tolerance=0.2")
     field = ("regularisation=3", "coupling_regularisation=4", "class_weight=none")
     values = [*(f"features.{each}" for each in features), *(f"crf.{each}" for each in field)]
     options = [word for value in values for word in ("--set", value)]
@@ -43,7 +43,7 @@ def test_options_reach_the_model(capsys, tmp_path):
     assert result["schema"] == "mapq.model/4"
     assert result["output"] == str(target)
     features = result["features"]
-    assert [features[key] for key in ("reading", "radius", "tau", "n_neighbours")] == ["literal", 2.5, 0.7, 3]
+    assert [features[key] for key in ("radius", "tau", "n_neighbours")] == [2.5, 0.7, 3]
     assert [features[key] for key in ("n_watched", "tolerance")] == [7, 0.2]
     training = result["training"]
     kept = [training[key] for key in ("regularisation", "coupling_regularisation", "class_weight", "objective")]

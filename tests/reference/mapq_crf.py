@@ -35,7 +35,7 @@ def draw_features(
     pairs = draw_pairs(rng, n_patches, n_pairs)
     node = rng.normal(size=(n_patches, len(NODE_NAMES))) * [1.0, 0.1, 30.0] + [5.0, 0.0, -4.0]
     edge = rng.exponential(size=(len(pairs), len(edge_names)))
-    return PatchFeatures("safe", node, pairs, edge, rng.uniform(-1.0, 1.0, len(pairs)), NODE_NAMES, edge_names, 0)
+    return PatchFeatures(node, pairs, edge, rng.uniform(-1.0, 1.0, len(pairs)), NODE_NAMES, edge_names)
 
 
 def draw_model(

@@ -41,7 +41,7 @@ def draw_map(seed: int, signal: float = 0.0, n_patches: int = 150, scans: bool =
     if not scans:
         node[:, len(NODE_NAMES) :] = np.nan
     edge, x = rng.uniform(size=(len(pairs), len(EDGE_NAMES))), rng.uniform(-1.0, 1.0, len(pairs))
-    features = PatchFeatures("safe", node, pairs, edge, x, NAMES, EDGE_NAMES, 0)
+    features = PatchFeatures(node, pairs, edge, x, NAMES, EDGE_NAMES)
     return TrainingMap(features, label, split_regions(rng.uniform(0.0, 100.0, (n_patches, 3)), 20))
 
 

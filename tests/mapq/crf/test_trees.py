@@ -54,7 +54,7 @@ def draw(seed: int, n_patches: int = 12, n_pairs: int = 25) -> PatchFeatures:
     node[:, NODE.index("disagreement_high")] = node[:, metres] + rng.uniform(0.0, 0.1, n_patches)
     node[:, NODE.index("shift_along")] = rng.uniform(0.0, 1.5, n_patches)
     x, names = rng.uniform(-1.0, 1.0, len(pairs)), (*EDGE_NAMES, *CONTEXT)
-    return PatchFeatures("safe", node, pairs, np.hstack([edge, context]), x, NODE, names, 0, context_names=CONTEXT)
+    return PatchFeatures(node, pairs, np.hstack([edge, context]), x, NODE, names, context_names=CONTEXT)
 
 
 def slow_columns(features: PatchFeatures, patch: int) -> dict[str, tuple[float, int]]:

@@ -23,7 +23,7 @@ def draw_map(seed: int, n_patches: int = 300, node_signal: float = 1.0, share_un
     bad = rng.random(len(pairs)) < np.where(inside, 0.6, 0.03)
     x = np.where(bad, rng.uniform(-1.0, 0.2, len(pairs)), rng.uniform(0.8, 1.0, len(pairs)))
     node = rng.normal(size=(n_patches, 2)) + node_signal * np.column_stack([suspicious, np.zeros(n_patches)])
-    features = PatchFeatures("safe", node, pairs.astype(np.int32), x[:, None] ** 2, x, ("fit", "tilt"), ("w",), 0)
+    features = PatchFeatures(node, pairs.astype(np.int32), x[:, None] ** 2, x, ("fit", "tilt"), ("w",))
     label = np.where(rng.random(n_patches) < share_unlabelled, UNLABELLED, suspicious).astype(np.uint8)
     centroid = np.column_stack([xy, np.zeros(n_patches)])
     return TrainingMap(features, label, split_regions(centroid, 40))

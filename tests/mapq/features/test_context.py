@@ -105,11 +105,6 @@ class TestGroups:
                     one.edge[:, one.edge_names.index(column)], every.edge[:, every.edge_names.index(column)]
                 )
 
-    def test_the_literal_reading_has_none(self):
-        found = patch_features(sample_patches(FENCE, 1, 20.0, NOISE), FeatureSettings(reading="literal"))
-        assert (found.edge_names, found.context_names) == (EDGE_NAMES, ())
-        assert found.parameters["context"] == []
-
     @pytest.mark.parametrize("walls", [[], DOUBLE[:1]])
     def test_maps_without_pairs(self, walls):
         patches = sample_patches(walls, 1, 20.0, NOISE) if walls else make_patches([], np.empty((0, 3)), loose=3)

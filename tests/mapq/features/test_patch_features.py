@@ -49,10 +49,8 @@ def same(one, two, tolerance=0.0):
 
 
 class TestNothingDependsOn:
-    @pytest.mark.parametrize("reading", ["safe", "literal"])
-    def test_the_order_of_the_points_to_the_last_bit(self, street, reading):
-        settings = FeatureSettings(reading=reading)
-        same(patch_features(street, settings), patch_features(shuffled(street, 7), settings))
+    def test_the_order_of_the_points_to_the_last_bit(self, street):
+        same(patch_features(street), patch_features(shuffled(street, 7)))
 
     def test_points_without_a_patch(self, street):
         points = [street.cloud.xyz[street.patch == k] for k in range(len(street))]
@@ -91,23 +89,21 @@ class TestNothingDependsOn:
 
 
 class TestDegenerate:
-    @pytest.mark.parametrize("reading", ["safe", "literal"])
     @pytest.mark.parametrize("name", POINTS)
     @pytest.mark.parametrize("apart", [[0, 0, 0], [0, 0.3, 0], [0, 100.0, 0]])
-    def test_all_is_finite(self, name, apart, reading):
+    def test_all_is_finite(self, name, apart):
         points = POINTS[name]
         patches = make_patches([points, points + apart], [Y, Y], loose=3)
-        features = patch_features(patches, FeatureSettings(reading=reading))
+        features = patch_features(patches)
         assert len(features.pairs) == (apart[1] < 3)
         for values in (always_known(features), features.edge, features.plausibility, features.shape):
             assert np.isfinite(values).all()
 
-    @pytest.mark.parametrize("reading", ["safe", "literal"])
-    def test_no_patches(self, reading):
-        features = patch_features(make_patches([], [], loose=5), FeatureSettings(reading=reading))
+    def test_no_patches(self):
+        features = patch_features(make_patches([], [], loose=5))
         assert features.node.shape == (0, len(features.node_names))
         assert features.edge.shape == (0, len(features.edge_names))
-        assert (len(features.pairs), len(features.plausibility), features.n_clipped) == (0, 0, 0)
+        assert (len(features.pairs), len(features.plausibility)) == (0, 0)
         assert features.shape.shape == (0, len(SHAPE_NAMES))
 
 
@@ -115,7 +111,6 @@ class TestSettings:
     @pytest.mark.parametrize(
         "bad",
         [
-            {"reading": "paper"},
             {"neighbours": 0},
             {"neighbours": 10**20},
             {"watched": 10**20},
@@ -212,13 +207,6 @@ class TestConflicts:
         plain, watched = (patch_features(pairs_street, FeatureSettings(neighbours=1, watched=n)) for n in (0, 16))
         assert [0, 1] not in plain.pairs.tolist()
         assert [0, 1] in watched.pairs.tolist()
-
-    def test_the_literal_reading_has_the_closest_only(self, pairs_street):
-        settings = FeatureSettings("literal", neighbours=1)
-        points = [pairs_street.cloud.xyz[pairs_street.patch == k] for k in range(len(pairs_street))]
-        assert list(map(tuple, patch_features(pairs_street, settings).pairs.tolist())) == sorted(
-            neighbours(points, 1, 3.0)
-        )
 
 
 def test_pairs_looked_at_bit_by_bit_are_the_same(monkeypatch):

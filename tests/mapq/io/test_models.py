@@ -108,6 +108,21 @@ def test_the_shipped_model_measures_as_this_release_does_and_holds_nothing_of_on
     assert all("sha256" not in row for row in model.training["maps"])
 
 
+def test_a_model_measured_otherwise_is_refused_in_one_line():
+    model = read_default_model()
+    less = {name: value for name, value in model.features.items() if name != "tau"}
+    cases = (
+        (less, "tau is missing"),
+        ({**model.features, "reading": "safe"}, "reading is not known to this release"),
+        ({**model.features, "tau": -1.0}, "cannot be used"),
+    )
+    for features, words in cases:
+        with pytest.raises(InputError, match=words) as error:
+            feature_settings(replace(model, features=features))
+        assert "Train the model anew" in str(error.value)
+        assert "\n" not in str(error.value)
+
+
 NAMES = ("fit", "disagreement", "over_angle_deg")
 
 

@@ -1,16 +1,22 @@
-"""Equations 6 to 13 as they are printed, for comparison: values without bound are cut and counted."""
+"""Equations 6 to 13 as they are printed, which the benchmarks compare with what `mapq` measures.
+
+Both share the neighbourhood, here of the closest patches alone. Where an equation has no bound its values are cut.
+"""
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
 from mapq.configuration import FeatureSettings
-from mapq.features.pairs import PatchGraph, angles
-from mapq.features.shape import PatchShapes
+from mapq.features import PatchShapes, measure_shapes, patch_features
+from mapq.features.compute import in_own_axes
+from mapq.features.pairs import EDGE_NAMES, PatchGraph, angles, find_neighbours
+from mapq.features.table import PatchFeatures
+from mapq.patches import Patches
 
 NODE_NAMES = ("inverse_mse", "inverse_up_cosine", "volume_per_area")
 BOUND = 1e6
@@ -29,14 +35,23 @@ class Hulls(NamedTuple):
     corners: list[Floats]
 
 
-def measure(shapes: PatchShapes, graph: PatchGraph, settings: FeatureSettings) -> dict[str, Any]:
-    """Return the fields of :class:`PatchFeatures` that are read literally."""
-    hulls = measure_hulls(shapes)
-    node, n_node = cut(literal_nodes(shapes, hulls))
-    edge, n_edge = cut(literal_edges(shapes, graph, hulls, settings))
+def measure_by(patches: Patches, settings: FeatureSettings | None) -> PatchFeatures:
+    """Return the features of patches by settings of `mapq`; None: by the equations as they are printed."""
+    return literal_features(patches) if settings is None else patch_features(patches, settings)
+
+
+def literal_features(patches: Patches, settings: FeatureSettings | None = None) -> PatchFeatures:
+    """Return what equations 6 to 13 say of patches and of each pair of the closest ones; without context.
+
+    `settings`: those of the neighbourhood, and `tau`.
+    """
+    own, settings = in_own_axes(patches, (settings or FeatureSettings()).replace(watched=0))
+    shapes = measure_shapes(own, settings)
+    graph, hulls = find_neighbours(shapes, settings), measure_hulls(shapes)
+    node = cut(literal_nodes(shapes, hulls))
+    edge = cut(literal_edges(shapes, graph, hulls, settings))
     plausibility = 1.0 - edge[:, 1] * (edge[:, 2] + edge[:, 3])
-    found = {"node": node, "edge": edge, "plausibility": plausibility, "n_clipped": n_node + n_edge}
-    return {**found, "node_names": NODE_NAMES}
+    return PatchFeatures(node, graph.pairs, edge, plausibility, NODE_NAMES, EDGE_NAMES)
 
 
 def literal_nodes(shapes: PatchShapes, hulls: Hulls) -> Floats:
@@ -111,7 +126,6 @@ def plane_axes(normal: Floats) -> Floats:
     return np.stack([first, np.cross(normal, first)], axis=1)
 
 
-def cut(values: Floats) -> tuple[Floats, int]:
-    """Return the values within `BOUND`, 0 for nan, and how many were changed."""
-    kept = np.clip(np.nan_to_num(values, nan=0.0, posinf=BOUND, neginf=-BOUND), -BOUND, BOUND)
-    return kept, int(np.count_nonzero(~(kept == values)))
+def cut(values: Floats) -> Floats:
+    """Return the values within `BOUND`, 0 for nan."""
+    return np.clip(np.nan_to_num(values, nan=0.0, posinf=BOUND, neginf=-BOUND), -BOUND, BOUND)
