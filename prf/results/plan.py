@@ -88,18 +88,15 @@ def plan_of(run: RunData) -> Plan:
     draws = [run.walls[int(i)] for i in np.unique(np.linspace(0, n - 1, MOST_DRAWS).astype(np.int64))]
     lines = reference[:, :4].reshape(-1, 2, 2)
     seen = np.ones(len(lines), np.bool_) if run.image is None else run.image.sees(lines)
-    every = [_wall(wall, draws) for wall in reference[seen]]
-    probable = np.array([wall.probability >= LEAST_PROBABILITY for wall in every], np.bool_)
+    walls = [(wall, _wall(wall, draws)) for wall in reference[seen]]
+    walls = [(wall, found) for wall, found in walls if found.probability >= LEAST_PROBABILITY]
     # A gap beside a wall that is no part of the plan is no door.
-    found = doors_of(reference[seen][probable])
-    if run.image is not None and len(found):
-        found = found[run.image.seen_at(found.mean(axis=1))]
+    gaps = doors_of(np.array([wall for wall, _ in walls]).reshape(-1, 5))
+    if run.image is not None and len(gaps):
+        gaps = gaps[run.image.seen_at(gaps.mean(axis=1))]
     of_draws = [doors_of(draw) for draw in draws]
-    doors = [_door(door, of_draws) for door in found]
-    return Plan(
-        [wall for wall in every if wall.probability >= LEAST_PROBABILITY],
-        [door for door in doors if door.probability >= LEAST_PROBABILITY],
-    )
+    doors = [_door(gap, of_draws) for gap in gaps]
+    return Plan([found for _, found in walls], [door for door in doors if door.probability >= LEAST_PROBABILITY])
 
 
 def plan_of_walls(walls: Floats) -> Plan:
@@ -148,10 +145,10 @@ def _line(along: Floats, offset: Floats) -> tuple[float, float]:
 def _beside(
     places: Floats, thickness_here: float, unit: Floats, normal: Floats, draw: Floats
 ) -> tuple[NDArray[np.bool_], Floats, float]:
-    """Return at which places (n,) a draw has the wall; how far across the part most like it lies; its thickness.
+    """Return at which places (n,) a draw has the wall; how far across the part most like it lies (n,); its thickness.
 
-    It is the same wall if its centre line, or the face on the same side, lies within :data:`BESIDE`: of a wall that is
-    seen from one side the centre line is as uncertain as the thickness.
+    All in metres, offsets nan where that part is not. It is the same wall if its centre line, or the face on the same
+    side, lies within :data:`BESIDE`: of a wall seen from one side the centre line is as uncertain as the thickness.
     """
     none = np.zeros(len(places), np.bool_), np.full(len(places), np.nan), np.nan
     a, step = draw[:, :2], draw[:, 2:4] - draw[:, :2]
@@ -167,8 +164,10 @@ def _beside(
     fits = (share >= 0.0) & (share <= 1.0) & (away <= BESIDE)
     if not fits.any():
         return none
-    alike = int(np.where(fits, 1.0 - 0.5 * np.minimum(np.abs(across) / BESIDE, 1.0), 0.0).sum(axis=0).argmax())
-    return fits.any(axis=1), np.where(fits[:, alike], across[:, alike], np.nan), float(thick[alike])
+    # A place that is the same by its face alone counts half of one whose centre line is the same.
+    likeness = np.where(fits, 1.0 - 0.5 * np.minimum(np.abs(across) / BESIDE, 1.0), 0.0)
+    best = int(likeness.sum(axis=0).argmax())
+    return fits.any(axis=1), np.where(fits[:, best], across[:, best], np.nan), float(thick[best])
 
 
 def doors_of(walls: Floats) -> Floats:

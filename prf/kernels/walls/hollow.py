@@ -30,6 +30,8 @@ PAST = 1.0
 """Metres that a wall ends past, or before, the side of the box at most."""
 BESIDE = 0.5
 """Metres that the other wall begins, or its middle lies, off its place at most."""
+AROUND = THICKEST + PAST + BESIDE
+"""Metres beyond the base's own box within which the box of the other wall comes."""
 
 
 @core
@@ -92,7 +94,7 @@ def hollowed(box: Wall, quarters: int, past: float, near: float, turn: float) ->
 def count_sides(graph: Graph, walls: Walls, base: Wall, quarters: int) -> int:
     """How many walls, those of the proposal left out, may be filled with a base."""
     n = 0
-    x0, x1, y0, y1 = box_of(base, THICKEST + PAST + BESIDE)
+    x0, x1, y0, y1 = box_of(base, AROUND)
     for i in range(graph.counts[c.WALLS]):
         if meets(walls, i, x0, x1, y0, y1) and not goes(walls, i) and filled(base, wall_in(walls.row, i), quarters)[0]:
             n += 1
@@ -142,7 +144,7 @@ def propose_fill(graph: Graph, proposal: Proposal, walls: Walls, lines: Array, r
     if sides == 0:
         return ILLEGAL
     chosen = min(int(rng.random() * sides), sides - 1)
-    x0, x1, y0, y1 = box_of(base, THICKEST + PAST + BESIDE)
+    x0, x1, y0, y1 = box_of(base, AROUND)
     for i in range(n):
         if not meets(walls, i, x0, x1, y0, y1) or goes(walls, i):
             continue

@@ -3,9 +3,8 @@
 The table follows from the graph and is filled anew at the start of every run, row i being the wall of the i-th member
 of the set of walls. A proposal names rows that go and walls that come, two of each at most.
 
-Moves of what is there pick a wall near a return `SEEN` times as often as one that no reading tells of: most of the
-time goes where the readings have their say. The weight follows from where the wall lies, and the way back picks by the
-weights after the move.
+A move that changes a wall picks one near a return `SEEN` times as often as another, so that most steps change walls
+that beams end on. The weight follows from where the wall lies, and the way back picks by the weights after the move.
 """
 
 import math
@@ -33,7 +32,7 @@ N_ROW = 8
 N_OLD = 0
 N_NEW = 1
 TOTAL_WEIGHT = 2  # of all rows
-N_BY = 3  # entries of `by`
+N_NEARBY = 3  # entries of `nearby`
 N_WALL_COUNTS = 4
 MOST_WALLS = 2
 """No proposal removes or adds more walls than this."""
@@ -44,12 +43,12 @@ class Walls(NamedTuple):
 
     row: Array  # (capacity, N_ROW) f8
     box: Array  # (4, capacity) f8 of each row: lowest and highest x, lowest and highest y that it reaches to
-    by: Array  # (capacity,) i8 rows by the walls that a proposal removes or adds
+    nearby: Array  # (capacity,) i8 rows of walls near those that a proposal removes or adds
     new: Array  # (MOST_WALLS, N_ROW) f8
     old: Array  # (MOST_WALLS,) i8 rows that go
     counts: Array  # (N_WALL_COUNTS,) i8
-    grid: Grid  # of `is_near`
-    is_near: Array  # (n_cells,) u1 whether a return lies in a cell or in one beside it
+    grid: Grid  # of `has_return`
+    has_return: Array  # (n_cells,) u1 whether a return lies in a cell or in one beside it
 
 
 @core
@@ -116,8 +115,8 @@ def is_on_line(walls: Walls, i: int, x: float, y: float, ux: float, uy: float) -
 
 
 @core
-def list_by(graph: Graph, walls: Walls) -> None:
-    """List the rows by the walls that the proposal removes or adds: no other has to do with these."""
+def list_nearby(graph: Graph, walls: Walls) -> None:
+    """List the rows of walls near those that the proposal removes or adds: no other has to do with these."""
     x0, x1, y0, y1, n = math.inf, -math.inf, math.inf, -math.inf, 0
     for k in range(walls.counts[N_OLD] + walls.counts[N_NEW]):
         is_old = k < walls.counts[N_OLD]
@@ -125,23 +124,23 @@ def list_by(graph: Graph, walls: Walls) -> None:
         low_x, high_x, low_y, high_y = box_of(wall, 0.0)
         x0, x1, y0, y1 = min(x0, low_x), max(x1, high_x), min(y0, low_y), max(y1, high_y)
     for i in range(graph.counts[c.WALLS]):
-        walls.by[n] = i
+        walls.nearby[n] = i
         n += int(meets(walls, i, x0, x1, y0, y1))
-    walls.counts[N_BY] = n
+    walls.counts[N_NEARBY] = n
 
 
 @core
 def note_returns(targets: Targets, walls: Walls) -> None:
     """Mark the cells near a return; all of them where there is none."""
     grid, fine, n = walls.grid, targets.grid, targets.cell.shape[0]
-    walls.is_near[:] = 1 if n == 0 else 0
+    walls.has_return[:] = 1 if n == 0 else 0
     for number in range(n):
         x = fine.x0 + (targets.cell[number] % fine.nx + 0.5) * fine.cell
         y = fine.y0 + (targets.cell[number] // fine.nx + 0.5) * fine.cell
         i, k = axis_index((x - grid.x0) / grid.cell, grid.nx), axis_index((y - grid.y0) / grid.cell, grid.ny)
         for row in range(max(k - 1, 0), min(k + 2, grid.ny)):
             for column in range(max(i - 1, 0), min(i + 2, grid.nx)):
-                walls.is_near[column + grid.nx * row] = 1
+                walls.has_return[column + grid.nx * row] = 1
 
 
 @core
@@ -150,7 +149,7 @@ def weight_of(walls: Walls, wall: Wall) -> float:
     n = 1 + int(length_of(wall) / walls.grid.cell)
     for i in range(n + 1):
         x, y = wall[0] + i / n * (wall[2] - wall[0]), wall[1] + i / n * (wall[3] - wall[1])
-        if walls.is_near[cell_at(walls.grid, x, y)] != 0:
+        if walls.has_return[cell_at(walls.grid, x, y)] != 0:
             return float(SEEN)
     return 1.0
 
@@ -262,7 +261,7 @@ def meet_new(walls: Walls, density: Array, k: int) -> float:
 def wall_prior_change(graph: Graph, walls: Walls, density: Array, lines: Array) -> float:
     """Change of the log density of the walls by the proposal."""
     n_old, n_new, change, free = walls.counts[N_OLD], walls.counts[N_NEW], 0.0, 0
-    list_by(graph, walls)
+    list_nearby(graph, walls)
     for k in range(n_new):
         change += log_alone(density, lines, wall_in(walls.new, k)) - meet_new(walls, density, k)
     for k in range(n_old):
@@ -271,8 +270,8 @@ def wall_prior_change(graph: Graph, walls: Walls, density: Array, lines: Array) 
         free -= free_ends(walls.row, walls.old[k])
         if k == 1 and are_near(wall, wall_in(walls.row, walls.old[0])):
             change += pair_cost(density, wall, wall_in(walls.row, walls.old[0]))
-    for m in range(walls.counts[N_BY]):
-        i = walls.by[m]
+    for m in range(walls.counts[N_NEARBY]):
+        i = walls.nearby[m]
         if goes(walls, i):
             continue
         other, is_near = wall_in(walls.row, i), False
@@ -298,11 +297,11 @@ def wall_prior_change(graph: Graph, walls: Walls, density: Array, lines: Array) 
 def forget(graph: Graph, walls: Walls) -> None:
     """Count anew who holds ends that stay, and take the rows that go out of table and set, each replaced by the last.
 
-    The rows by the proposal are those that :func:`wall_prior_change` listed.
+    The rows near the proposal are those that :func:`wall_prior_change` listed.
     """
     n_old = walls.counts[N_OLD]
-    for m in range(walls.counts[N_BY]):
-        i = walls.by[m]
+    for m in range(walls.counts[N_NEARBY]):
+        i = walls.nearby[m]
         if goes(walls, i):
             continue
         for k in range(n_old):
