@@ -18,6 +18,7 @@ FLAGS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "cache": True, "
 
 ``fastmath`` stays off: it would drop the nan and inf that the predicates rely on, and change results with the CPU.
 """
+PART_FLAGS: dict[str, Any] = {**FLAGS, "cache": False, "no_cpython_wrapper": True, "pipeline_class": PartCompiler}
 
 Floats = NDArray[np.float64]
 Floats32 = NDArray[np.float32]
@@ -45,6 +46,14 @@ def jit(function: _Function) -> _Function:
 
 def part(function: _Function) -> _Function:
     """Compile a part of a kernel: inlined or called by entries only, without a cache file of its own."""
-    flags = {**FLAGS, "cache": False, "no_cpython_wrapper": True, "pipeline_class": PartCompiler}
-    compiled: _Function = numba.njit(**flags)(function)
+    compiled: _Function = numba.njit(**PART_FLAGS)(function)
+    return share_integers(compiled)
+
+
+def bare(function: _Function) -> _Function:
+    """Compile a part of a kernel that makes no arrays and returns none, without counting references to any.
+
+    Counting takes an atomic instruction for each array, and each row of one, that a loop names.
+    """
+    compiled: _Function = numba.njit(**PART_FLAGS, _nrt=False)(function)
     return share_integers(compiled)

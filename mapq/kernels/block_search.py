@@ -4,42 +4,60 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mapq.kernels._jit import Codes, Floats, Ints, part
+from mapq.kernels._jit import Codes, Floats, Floats32, Ints, Ints32, bare
 from mapq.kernels.cells import LEVELS
 from mapq.kernels.order_statistics import select
 
 AROUND = np.array([16 * x + 4 * y + z for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1)])
 """Steps from a cell to the 27 round it, among 4 x 4 x 4 cells in a row."""
+_CELLS = np.indices((4, 4, 4)).reshape(3, 64) + 1
+_PARENTS = AROUND.reshape(3, 3, 3)[tuple(_CELLS // 2)]
+CHILDREN = np.column_stack([_PARENTS, np.array([4, 2, 1]) @ (_CELLS % 2), np.arange(64)])[np.argsort(_PARENTS)]
+"""Of the 4 x 4 x 4 cells round a cell's children, parent by parent: the step to the parent, the octant, the place."""
 FEW = 64
-"""So many numbers are ranked by comparing all with all; of more, the nearest are picked out first."""
+"""Of so many sorted numbers all are looked at to find where eight cells begin, and so many candidates are ranked by
+comparing all with all; of more, borders are found by halving, and the nearest are picked out first."""
+PLACES = 2048
+"""Room for candidates: their places are the low bits of keys."""
+ROUNDING = -PLACES
+"""The other bits: of a squared distance in single precision."""
+WIDTH = 32
+"""Lists are padded to multiples of what vector instructions take at once, so that none are left over."""
 
 
 class Candidates(NamedTuple):
-    """Points among which neighbours are searched, in the order of their numbers, and scratch for their distances."""
+    """Points among which neighbours are searched, and scratch for their distances; all but `runs` have `PLACES`."""
 
-    runs: Ints  # (27, 2) first point of a cell, and the one after its last
-    near: Floats  # (3, room) coordinates
-    number: Ints  # (room,)
-    squared: Floats  # (room,) squared distances
-    close: Floats  # (room,) those of the listed
-    listed: Ints  # (room,) places of near ones
-    ranks: Ints  # (room,)
-    ordered: Floats  # (room,) squared distances of the nearest, the point itself first
-    who: Ints  # (room,) their numbers
+    runs: Ints  # (28, 2) first point of a cell, and the one after its last
+    near: Floats  # (3, PLACES) coordinates
+    number: Ints  # of the points
+    squared: Floats  # squared distances
+    rounded: Floats32  # the same
+    key: Ints32  # their bits (the same memory), with the place of the candidate in the low ones
+    listed: Ints32  # keys of near ones
+    ordered: Floats  # squared distances of the nearest, the point itself first
+    who: Ints  # their numbers
 
 
-@part
+@bare
 def own_place(octant: int) -> int:
     """Place of a child of a cell among the 4 x 4 x 4 cells round all its children."""
     return 21 + 16 * (octant >> 2) + 4 * ((octant >> 1) & 1) + (octant & 1)
 
 
-@part
+@bare
 def split(code: Codes, low: int, high: int, level: int, start: Ints) -> None:
     """Write where the eight cells of `level` begin among the points low to high - 1 of their parent."""
     shift = np.uint64(3 * (LEVELS - level))
+    for octant in range(9):
+        start[octant] = low
+    if high - low <= FEW:
+        for j in range(low, high):
+            start[np.int64((code[j] >> shift) & np.uint64(7)) + 1] = j + 1
+        for octant in range(1, 9):
+            start[octant] = max(start[octant], start[octant - 1])
+        return
     begin = low
-    start[0] = low
     for octant in range(1, 8):
         end = high
         while begin < end:
@@ -52,54 +70,58 @@ def split(code: Codes, low: int, high: int, level: int, start: Ints) -> None:
     start[8] = high
 
 
-@part
+@bare
 def divide(code: Codes, blocks: Ints, depth: int, place: int, start: Ints) -> None:
     """Write the 4 x 4 x 4 cells round a cell's eight children from the 3 x 3 x 3 cells round the cell itself."""
-    for number in range(27):
-        x, y, z = number // 9, number // 3 % 3, number % 3
-        parent = place + AROUND[number]
-        split(code, blocks[depth, parent, 0], blocks[depth, parent, 1], depth + 2, start)
-        for octant in range(8):
-            gx, gy, gz = 2 * x + (octant >> 2) - 1, 2 * y + ((octant >> 1) & 1) - 1, 2 * z + (octant & 1) - 1
-            if min(gx, gy, gz) >= 0 and max(gx, gy, gz) <= 3:
-                blocks[depth + 1, 16 * gx + 4 * gy + gz, 0] = start[octant]
-                blocks[depth + 1, 16 * gx + 4 * gy + gz, 1] = start[octant + 1]
+    last = -1
+    for row in range(len(CHILDREN)):
+        parent, octant, child = place + CHILDREN[row, 0], CHILDREN[row, 1], CHILDREN[row, 2]
+        if parent != last:
+            split(code, blocks[depth, parent, 0], blocks[depth, parent, 1], depth + 2, start)
+            last = parent
+        blocks[depth + 1, child, 0], blocks[depth + 1, child, 1] = start[octant], start[octant + 1]
 
 
-@part
+@bare
 def list_runs(blocks: Ints, depth: int, place: int, runs: Ints) -> tuple[int, int]:
-    """List the runs of points in the 27 cells round a cell by number; return how many, and of how many points."""
+    """List the runs of points in the 27 cells round a cell; return how many, and of how many points."""
     n_runs, total = 0, 0
-    for step in AROUND:
-        low, high = blocks[depth, place + step, 0], blocks[depth, place + step, 1]
-        if high > low:
-            at = n_runs
-            while at > 0 and runs[at - 1, 0] > low:
-                runs[at, 0], runs[at, 1] = runs[at - 1, 0], runs[at - 1, 1]
-                at -= 1
-            runs[at, 0], runs[at, 1] = low, high
-            n_runs += 1
-            total += high - low
+    for step in range(len(AROUND)):
+        low, high = blocks[depth, place + AROUND[step], 0], blocks[depth, place + AROUND[step], 1]
+        runs[n_runs, 0], runs[n_runs, 1] = low, high
+        n_runs += high > low
+        total += high - low
     return n_runs, total
 
 
-@part
+@bare
+def padded(n: int) -> int:
+    """Round up to a multiple of `WIDTH`."""
+    return (n + WIDTH - 1) // WIDTH * WIDTH
+
+
+@bare
 def gather(xyz: Floats, found: Candidates, n_runs: int, low: int) -> int:
-    """Copy the points of the runs side by side; return at which place point `low` is."""
-    total, place = 0, 0
+    """Copy the points of the runs side by side; return at which place point `low` is.
+
+    Unsigned numbers of places, here and below, as signed ones could count from the end, which takes time to tell.
+    """
+    near, total, place = found.near, np.uint64(0), 0
     for run in range(n_runs):
-        if found.runs[run, 0] <= low:
-            place = total + low - found.runs[run, 0]
-        for j in range(found.runs[run, 0], found.runs[run, 1]):
-            found.near[0, total] = xyz[j, 0]
-            found.near[1, total] = xyz[j, 1]
-            found.near[2, total] = xyz[j, 2]
+        begin, end = found.runs[run, 0], found.runs[run, 1]
+        if begin <= low < end:
+            place = np.int64(total) + low - begin
+        for j in range(begin, end):
+            point = np.uint64(j)
+            near[0, total], near[1, total], near[2, total] = xyz[point, 0], xyz[point, 1], xyz[point, 2]
             found.number[total] = j
-            total += 1
+            total += np.uint64(1)
+    for c in range(np.int64(total), padded(np.int64(total))):
+        near[0, c] = near[1, c] = near[2, c] = np.inf
     return place
 
 
-@part
+@bare
 def insert(best: Floats, index: Ints, n_best: int, d2: float, j: int) -> int:
     """Put point `j` into a list sorted by distance and then number; return its length, at most the list's size."""
     size = len(best)
@@ -117,62 +139,74 @@ def insert(best: Floats, index: Ints, n_best: int, d2: float, j: int) -> int:
     return n_best + 1
 
 
-@part
-def list_within(squared: Floats, total: int, bound: float, listed: Ints) -> int:
-    """List the places of squared distances up to a bound, without a branch; return how many."""
-    n_near = 0
+@bare
+def list_within(key: Ints32, total: int, bound: int, listed: Ints32) -> int:
+    """List the keys up to a bound, without a branch; return how many."""
+    n_near, end = np.uint64(0), np.uint32(bound + 1)
     for c in range(total):
-        listed[n_near] = c
-        n_near += squared[c] <= bound
-    return n_near
+        listed[n_near] = key[c]
+        n_near += np.uint64(np.uint32(key[c]) < end)
+    return np.int64(n_near)
 
 
-@part
-def rank(close: Floats, n: int, ranks: Ints) -> None:
-    """Write the rank of each of the first n numbers, of equal ones in their order.
+@bare
+def key_of(found: Candidates, squared: float) -> int:
+    """Return the largest key that a squared distance may have."""
+    found.rounded[PLACES - 1] = squared
+    return np.int64(found.key[PLACES - 1]) | (PLACES - 1)
 
-    Every number is compared with every other: for a few dozen that is faster than sorting, as it is done by vector
+
+@bare
+def sort_keys(listed: Ints32, n: int, key: Ints32) -> None:
+    """Write the first n of some distinct keys in ascending order.
+
+    Every key is compared with every other: for a few dozen that is faster than sorting, as it is done by vector
     instructions and never guesses a branch.
     """
-    ranks[:n] = 0
+    full = padded(n)
+    for s in range(n, full):
+        listed[s] = np.iinfo(np.int32).max
     for t in range(n):
-        value = close[t]
-        for s in range(n):
-            ranks[s] += value < close[s]
-    total = 0
-    for s in range(n):
-        total += ranks[s]
-    if total < n * (n - 1) // 2:
-        for t in range(n):
-            for s in range(t + 1, n):
-                ranks[s] += close[t] == close[s]
+        rank = np.int32(0)
+        for s in range(full):
+            rank = np.int32(rank + np.int32(listed[s] < listed[t]))
+        key[np.uint64(rank)] = listed[t]
 
 
-@part
+@bare
+def write_keys(xyz: Floats, i: int, found: Candidates, total: int, place: int) -> None:
+    """Write the distances of the candidates from point i, which is at `place` among them, and their keys."""
+    near, squared, rounded, key = found.near, found.squared, found.rounded, found.key
+    x, y, z = xyz[i, 0], xyz[i, 1], xyz[i, 2]
+    full = padded(total)
+    for c in range(full):
+        dx, dy, dz = near[0, c] - x, near[1, c] - y, near[2, c] - z
+        squared[c] = dx * dx + dy * dy + dz * dz
+    for c in range(full):
+        rounded[c] = np.float32(squared[c])
+    for c in range(full):
+        key[c] = (key[c] & ROUNDING) | c
+    squared[place], key[place] = -1.0, place
+
+
+@bare
 def rank_nearest(
     xyz: Floats, i: int, found: Candidates, total: int, place: int, k: int, guess: float, bound: float
 ) -> int:
-    """Rank the k nearest of `total` candidates to point i, none beyond the squared distance `bound`; return how many.
+    """Rank the k nearest of `total` candidates to point i, none far beyond a squared distance; return how many.
 
     `guess` is a smaller bound, taken if it holds enough; `place` is that of the point itself among the candidates.
+    Rounded distances sort all but those that are nearly equal, which are put right one by one.
     """
-    near, squared, close, listed = found.near, found.squared, found.close, found.listed
-    x, y, z = xyz[i, 0], xyz[i, 1], xyz[i, 2]
-    for c in range(total):
-        dx, dy, dz = near[0, c] - x, near[1, c] - y, near[2, c] - z
-        squared[c] = dx * dx + dy * dy + dz * dz
-    squared[place] = -1.0
-    n_near = list_within(squared, total, min(guess, bound), listed)
+    key, listed = found.key, found.listed
+    write_keys(xyz, i, found, total, place)
+    n_near = list_within(key, total, key_of(found, min(guess, bound)), listed)
     if n_near <= k and guess < bound:
-        n_near = list_within(squared, total, bound, listed)
-    for s in range(n_near):
-        close[s] = squared[listed[s]]
+        n_near = list_within(key, total, key_of(found, bound), listed)
     if n_near > max(FEW, 2 * k):
-        n_near = list_within(squared, total, select(close, n_near, k), listed)
-        for s in range(n_near):
-            close[s] = squared[listed[s]]
-    rank(close, n_near, found.ranks)
+        n_near = list_within(key, total, np.int64(select(listed, n_near, k)) | (PLACES - 1), listed)
+    sort_keys(listed, n_near, key)
     for s in range(n_near):
-        found.ordered[found.ranks[s]] = close[s]
-        found.who[found.ranks[s]] = found.number[listed[s]]
+        c = np.uint64(key[s] & (PLACES - 1))
+        insert(found.ordered, found.who, s, found.squared[c], found.number[c])
     return min(n_near - 1, k)

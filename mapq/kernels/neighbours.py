@@ -9,8 +9,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mapq.kernels._jit import Codes, Floats, Ints, Ints32, jit, part
-from mapq.kernels.block_search import Candidates, divide, gather, insert, list_runs, own_place, rank_nearest, split
+from mapq.kernels._jit import Codes, Floats, Ints, Ints32, bare, jit, part
+from mapq.kernels.block_search import (
+    PLACES,
+    Candidates,
+    divide,
+    gather,
+    insert,
+    list_runs,
+    own_place,
+    rank_nearest,
+    split,
+)
 from mapq.kernels.cells import LEVELS, gather_bits
 
 LEAF = 20
@@ -36,7 +46,7 @@ class Cloud(NamedTuple):
     before: Ints32  # (n + 1,) points wanted before each: its row of the result
 
 
-@part
+@bare
 def cell_corner(code: np.uint64, level: int, frame: Floats) -> tuple[tuple[float, float, float], float]:
     """Return the lowest corner of the cell of `level` that holds a number, and its width."""
     width = frame[3] / (1 << level)
@@ -46,7 +56,7 @@ def cell_corner(code: np.uint64, level: int, frame: Floats) -> tuple[tuple[float
     return (x, y, z), width
 
 
-@part
+@bare
 def margin(xyz: Floats, i: int, corner: tuple[float, float, float], width: float) -> float:
     """Return the distance from point i to the border of the 27 cells round its cell."""
     nearest = np.inf
@@ -56,7 +66,7 @@ def margin(xyz: Floats, i: int, corner: tuple[float, float, float], width: float
     return nearest * BRIM
 
 
-@part
+@bare
 def distance_to_cell(cloud: Cloud, i: int, code: np.uint64, level: int) -> float:
     """Return a lower bound of the squared distance from point i to the cell of `level` that holds `code`."""
     corner, width = cell_corner(code, level, cloud.frame)
@@ -67,7 +77,7 @@ def distance_to_cell(cloud: Cloud, i: int, code: np.uint64, level: int) -> float
     return total * BRIM
 
 
-@part
+@bare
 def octant_towards(cloud: Cloud, i: int, code: np.uint64, level: int) -> int:
     """Child of the cell of `level` that holds `code` on the side of point i."""
     width = cloud.frame[3] / (1 << (level + 1))
@@ -78,7 +88,7 @@ def octant_towards(cloud: Cloud, i: int, code: np.uint64, level: int) -> int:
     return towards
 
 
-@part
+@bare
 def walk_tree(cloud: Cloud, i: int, max_d2: float, stack: Ints, start: Ints, best: Floats, index: Ints) -> int:
     """List the nearest to point i among all within a squared distance, nearest cells first; return how many."""
     xyz, size, n_best = cloud.xyz, len(best), 0
@@ -105,7 +115,7 @@ def walk_tree(cloud: Cloud, i: int, max_d2: float, stack: Ints, start: Ints, bes
     return n_best
 
 
-@part
+@bare
 def write_row(r: int, n_best: int, found: Candidates, max_d2: float, neighbours: Ints32) -> None:
     """Write one point's list up to the squared distance `max_d2`."""
     n_kept = 0
@@ -116,7 +126,7 @@ def write_row(r: int, n_best: int, found: Candidates, max_d2: float, neighbours:
         neighbours[r, c] = -1
 
 
-@part
+@bare
 def search_leaf(
     cloud: Cloud, found: Candidates, blocks: Ints, octants: Ints, depth: int, last: Floats, max_gap: float, out: Ints32
 ) -> int:
@@ -153,10 +163,12 @@ def search_leaf(
     return n_open
 
 
-@part
-def search_tree(cloud: Cloud, found: Candidates, low: int, high: int, max_gap: float, stack: Ints, out: Ints32) -> None:
+@bare
+def search_tree(
+    cloud: Cloud, found: Candidates, low: int, high: int, max_gap: float, stack: Ints, start: Ints, out: Ints32
+) -> None:
     """Search in the whole tree for those of the points `low` to `high` - 1 that are left."""
-    start, best, index = np.empty(9, np.int64), found.ordered[1 : out.shape[1] + 1], found.who[1 : out.shape[1] + 1]
+    best, index = found.ordered[1 : out.shape[1] + 1], found.who[1 : out.shape[1] + 1]
     for i in range(low, high):
         r = cloud.before[i]
         if cloud.before[i + 1] > r and out[r, 0] == OPEN:
@@ -166,18 +178,18 @@ def search_tree(cloud: Cloud, found: Candidates, low: int, high: int, max_gap: f
 
 @part
 def make_candidates() -> Candidates:
-    """Return room for so many candidates that more are a crowd."""
-    numbers, distances = np.empty((4, CROWD), np.int64), np.empty((3, CROWD))
+    """Return room for candidates."""
+    rounded = np.empty(PLACES, np.float32)
     return Candidates(
-        np.empty((27, 2), np.int64),
-        np.empty((3, CROWD)),
-        numbers[0],
-        distances[0],
-        distances[1],
-        numbers[1],
-        numbers[2],
-        distances[2],
-        numbers[3],
+        np.empty((28, 2), np.int64),
+        np.empty((3, PLACES)),
+        np.empty(PLACES, np.int64),
+        np.empty(PLACES),
+        rounded,
+        rounded.view(np.int32),
+        np.empty(PLACES, np.int32),
+        np.empty(PLACES),
+        np.empty(PLACES, np.int64),
     )
 
 
@@ -214,4 +226,4 @@ def find_neighbours(
             depth += 1
             octants[depth] = 0
         elif search_leaf(cloud, found, blocks, octants, depth, last, max_gap, neighbours) > 0:
-            search_tree(cloud, found, low, high, max_gap, stack, neighbours)
+            search_tree(cloud, found, low, high, max_gap, stack, start, neighbours)

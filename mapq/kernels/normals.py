@@ -5,10 +5,28 @@ point and two of its neighbours, taken by a fixed pattern; the best is fitted on
 random numbers, so that a point's plane depends on nothing but its neighbours.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
-from mapq.kernels._jit import Bools, Floats, Floats32, Ints, Ints32, jit, part
+from mapq.kernels._jit import Bools, Floats, Floats32, Ints, Ints32, bare, jit, part
 from mapq.kernels.planes import MOMENTS, Fit, fit_plane, write_moments
+
+
+@bare
+def add_up(xyz: Floats, i: int, neighbours: Ints32, s: int, sums: Floats) -> float:
+    """Write the moments of a point and of its neighbours, in row `s`, about the point; return how many they are."""
+    n = 1.0
+    sx = sy = sz = xx = xy = xz = yy = yz = zz = 0.0
+    for j in neighbours[s]:
+        if j < 0:
+            break
+        x, y, z = xyz[j, 0] - xyz[i, 0], xyz[j, 1] - xyz[i, 1], xyz[j, 2] - xyz[i, 2]
+        n, sx, sy, sz = n + 1.0, sx + x, sy + y, sz + z
+        xx, xy, xz = xx + x * x, xy + x * y, xz + x * z
+        yy, yz, zz = yy + y * y, yz + y * z, zz + z * z
+    write_moments(sums, n, sx, sy, sz, xx, xy, xz, yy, yz, zz)
+    return n
 
 
 @jit
@@ -20,18 +38,7 @@ def estimate_normals(xyz: Floats, points: Ints, neighbours: Ints32, normal: Floa
     """
     sums, plane, variance = np.empty(MOMENTS), np.empty(4), np.empty(3)
     for s in range(len(points)):
-        i = points[s]
-        n = 1.0
-        sx = sy = sz = xx = xy = xz = yy = yz = zz = 0.0
-        for j in neighbours[s]:
-            if j < 0:
-                break
-            x, y, z = xyz[j, 0] - xyz[i, 0], xyz[j, 1] - xyz[i, 1], xyz[j, 2] - xyz[i, 2]
-            n, sx, sy, sz = n + 1.0, sx + x, sy + y, sz + z
-            xx, xy, xz = xx + x * x, xy + x * y, xz + x * z
-            yy, yz, zz = yy + y * y, yz + y * z, zz + z * z
-        write_moments(sums, n, sx, sy, sz, xx, xy, xz, yy, yz, zz)
-        if n < 3.0:
+        if add_up(xyz, points[s], neighbours, s, sums) < 3.0:
             for axis in range(3):
                 normal[s, axis] = np.nan
                 spread[s, axis] = np.nan
@@ -49,12 +56,12 @@ NARROW = 0.25
 """Squared sine of the angle at the point below which two neighbours determine a plane too badly (30 degrees)."""
 
 
-@part
-def local_points(xyz: Floats, i: int, neighbours: Ints32, local: Floats) -> int:
-    """Copy a point and its neighbours relative to the point; return how many."""
+@bare
+def local_points(xyz: Floats, i: int, neighbours: Ints32, row: int, local: Floats) -> int:
+    """Copy a point and its neighbours, in a row of many, relative to the point; return how many."""
     local[:, 0] = 0.0
     n_local = 1
-    for j in neighbours:
+    for j in neighbours[row]:
         if j < 0:
             break
         for axis in range(3):
@@ -63,7 +70,7 @@ def local_points(xyz: Floats, i: int, neighbours: Ints32, local: Floats) -> int:
     return n_local
 
 
-@part
+@bare
 def widen(i: int, neighbours: Ints32, size: int, stamp: Ints32, wide: Ints32, n_inner: int) -> int:
     """List the neighbours of point i and then theirs, each once, the farthest neighbours' first; return how many.
 
@@ -74,23 +81,23 @@ def widen(i: int, neighbours: Ints32, size: int, stamp: Ints32, wide: Ints32, n_
     for j in neighbours[i]:
         if j < 0:
             break
-        wide[n_wide] = j
+        wide[0, n_wide] = j
         stamp[j] = i
         n_wide += 1
     n_own = n_wide
     for c in range(n_own - 1, -1, -1):
         for rank in range(n_inner):
-            j = neighbours[wide[c], rank]
+            j = neighbours[wide[0, c], rank]
             if n_wide == size:
                 return n_wide
             if j < 0:
                 break
             if stamp[j] != i:
                 stamp[j] = i
-                wide[n_wide] = j
+                wide[0, n_wide] = j
                 n_wide += 1
     for c in range(n_wide, size):
-        wide[c] = -1
+        wide[0, c] = -1
     return n_wide
 
 
@@ -105,7 +112,7 @@ def list_pairs(size: int, turns: int) -> Ints:
     return pairs
 
 
-@part
+@bare
 def list_candidates(local: Floats, pairs: Ints, turns: int, planes: Floats) -> None:
     """Write the planes (4, turns) through the point and two neighbours: normals of their own length, and that squared.
 
@@ -122,7 +129,7 @@ def list_candidates(local: Floats, pairs: Ints, turns: int, planes: Floats) -> N
         planes[3, turn] = squared if squared > NARROW * lengths else 0.0
 
 
-@part
+@bare
 def take(planes: Floats, turn: int, plane: Floats) -> None:
     """Copy a candidate that is one, its normal made a unit vector."""
     length = np.sqrt(planes[3, turn])
@@ -130,7 +137,7 @@ def take(planes: Floats, turn: int, plane: Floats) -> None:
     plane[3] = 0.0
 
 
-@part
+@bare
 def residuals(local: Floats, n_local: int, plane: Floats, out: Floats) -> None:
     """Write the distances of the local points to a plane."""
     nx, ny, nz, d = plane[0], plane[1], plane[2], plane[3]
@@ -138,7 +145,7 @@ def residuals(local: Floats, n_local: int, plane: Floats, out: Floats) -> None:
         out[c] = abs(nx * local[0, c] + ny * local[1, c] + nz * local[2, c] - d)
 
 
-@part
+@bare
 def count_near(local: Floats, n_local: int, nx: float, ny: float, nz: float, near: float) -> int:
     """Return how many points lie near a plane through the point, those within half that distance counted twice.
 
@@ -153,7 +160,7 @@ def count_near(local: Floats, n_local: int, nx: float, ny: float, nz: float, nea
     return score
 
 
-@part
+@bare
 def fit_within(local: Floats, residual: Floats, n_local: int, limit: float, fit: Fit) -> int:
     """Fit the plane to the points within `limit` of the last one; return how many they are."""
     n = sx = sy = sz = xx = xy = xz = yy = yz = zz = 0.0
@@ -170,7 +177,7 @@ def fit_within(local: Floats, residual: Floats, n_local: int, limit: float, fit:
     return int(n)
 
 
-@part
+@bare
 def smallest(values: Floats, n: int, kept: int, sorted_: Floats) -> float:
     """Return the number `kept` in the order of size of the first n values."""
     n_sorted = 0
@@ -184,6 +191,15 @@ def smallest(values: Floats, n: int, kept: int, sorted_: Floats) -> float:
         sorted_[at] = values[c]
         n_sorted = min(n_sorted + 1, kept)
     return sorted_[n_sorted - 1]
+
+
+@bare
+def count_below(values: Floats, n: int, limit: float) -> int:
+    """Return how many of the first n values are below a limit."""
+    n_below = 0
+    for c in range(n):
+        n_below += values[c] < limit
+    return n_below
 
 
 @jit
@@ -202,7 +218,7 @@ def trimmed_residuals(
     local, values, order = np.empty((3, k + 1)), np.empty(k + 1), np.empty(k + 1)
     planes, fit = np.empty((4, turns)), Fit(np.empty(MOMENTS), np.empty(4), np.empty(3))
     for s in range(len(points)):
-        n_local = local_points(xyz, points[s], neighbours[s], local)
+        n_local = local_points(xyz, points[s], neighbours, s, local)
         scale[s] = np.nan
         thickness[s] = np.nan
         for c in range(k + 1):
@@ -216,7 +232,7 @@ def trimmed_residuals(
                 take(planes, turn, fit.plane)
                 residuals(local, n_local, fit.plane, values)
                 # Finds most bad planes without sorting.
-                if np.sum(values[:n_local] < lowest) >= kept:
+                if count_below(values, n_local, lowest) >= kept:
                     lowest, best = smallest(values, n_local, kept, order), turn
         if lowest == np.inf:
             continue
@@ -235,13 +251,13 @@ def trimmed_residuals(
             residual[s, c] = values[c]
 
 
-@part
+@bare
 def try_clean(
-    local: Floats, n_local: int, around: Ints32, thick: Bools, normal: Floats32, band: float, best: Floats
+    local: Floats, n_local: int, i: int, neighbours: Ints32, thick: Bools, normal: Floats32, band: float, best: Floats
 ) -> int:
-    """Write the best of the planes through the point that face as neighbours with one surface do; return its score."""
+    """Write the best of the planes through point i that face as neighbours with one surface do; return its score."""
     highest = 0
-    for j in around:
+    for j in neighbours[i]:
         if j < 0:
             break
         if not thick[j]:
@@ -255,7 +271,7 @@ def try_clean(
     return highest
 
 
-@part
+@bare
 def try_turns(
     local: Floats, n_local: int, pairs: Ints, planes: Floats, fewest: float, band: float, best: Floats
 ) -> int:
@@ -274,6 +290,47 @@ def try_turns(
                 highest = score
                 take(planes, turn, best)
     return highest
+
+
+class Room(NamedTuple):
+    """Scratch for robust normals."""
+
+    local: Floats  # (3, size + 1) points relative to one of them
+    values: Floats  # (size + 1,) their distances from a plane
+    wide: Ints32  # (1, size) their numbers
+    stamp: Ints32  # (n,) of points that are listed
+    pairs: Ints  # (size + 1, 2, turns)
+    planes: Floats  # (4, turns) candidates
+    fit: Fit
+
+
+@bare
+def fit_robustly(
+    xyz: Floats,
+    i: int,
+    thick: Bools,
+    neighbours: Ints32,
+    band: float,
+    min_share: float,
+    room: Room,
+    normal: Floats32,
+) -> None:
+    """Fit the plane of point i; nan if there is none."""
+    local, values, wide, stamp, pairs, planes, fit = room
+    n_local = local_points(xyz, i, neighbours, i, local)
+    fewest = max(min_share * n_local, 4.0)
+    score = try_clean(local, n_local, i, neighbours, thick, normal, band, fit.plane)
+    if score < CLEAN_SHARE * n_local:
+        widen(i, neighbours, wide.shape[1], stamp, wide, neighbours.shape[1] // 2)
+        n_local = local_points(xyz, i, wide, 0, local)
+        fewest = max(min_share * n_local, 4.0)
+        score = try_turns(local, n_local, pairs, planes, fewest, band, fit.plane)
+    n_near = 0
+    if score >= fewest:
+        residuals(local, n_local, fit.plane, values)
+        n_near = fit_within(local, values, n_local, band, fit)
+    if n_near < fewest or abs(fit.plane[3]) > band:
+        fit.plane[:3] = fit.spread[0] = np.nan
 
 
 @jit
@@ -298,24 +355,17 @@ def robust_normals(
     within half of it counted twice. A point of which less than `min_share` of those around lies on its plane gets nan:
     there is none. `variance` gets the variance across the plane.
     """
-    local, values, wide = np.empty((3, size + 1)), np.empty(size + 1), np.empty(size, np.int32)
-    stamp, pairs, planes = np.full(len(xyz), -1, np.int32), list_pairs(size, turns), np.empty((4, turns))
-    fit = Fit(np.empty(MOMENTS), np.empty(4), np.empty(3))
+    room = Room(
+        np.empty((3, size + 1)),
+        np.empty(size + 1),
+        np.empty((1, size), np.int32),
+        np.full(len(xyz), -1, np.int32),
+        list_pairs(size, turns),
+        np.empty((4, turns)),
+        Fit(np.empty(MOMENTS), np.empty(4), np.empty(3)),
+    )
     for i in points:
-        n_local = local_points(xyz, i, neighbours[i], local)
-        fewest = max(min_share * n_local, 4.0)
-        score = try_clean(local, n_local, neighbours[i], thick, normal, band, fit.plane)
-        if score < CLEAN_SHARE * n_local:
-            widen(i, neighbours, size, stamp, wide, neighbours.shape[1] // 2)
-            n_local = local_points(xyz, i, wide, local)
-            fewest = max(min_share * n_local, 4.0)
-            score = try_turns(local, n_local, pairs, planes, fewest, band, fit.plane)
-        n_near = 0
-        if score >= fewest:
-            residuals(local, n_local, fit.plane, values)
-            n_near = fit_within(local, values, n_local, band, fit)
-        if n_near < fewest or abs(fit.plane[3]) > band:
-            fit.plane[:3] = fit.spread[0] = np.nan
-        variance[i] = fit.spread[0]
+        fit_robustly(xyz, i, thick, neighbours, band, min_share, room, normal)
+        variance[i] = room.fit.spread[0]
         for axis in range(3):
-            normal[i, axis] = fit.plane[axis]
+            normal[i, axis] = room.fit.plane[axis]

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mapq.kernels._jit import Floats, Floats32, Ints, Ints32, jit, part
+from mapq.kernels._jit import Floats, Floats32, Ints, Ints32, bare, jit
 from mapq.kernels.planes import Surface, Tolerance, add_moments, fit_plane
 
 FREE = -1
@@ -34,13 +34,17 @@ def sum_regions(xyz: Floats, region: Ints32, origin: Floats, sums: Floats) -> No
     """Write the moments (m, 10) of each region about the first of its points, which is written to `origin` (m, 3)."""
     sums[:] = 0.0
     for i in range(len(xyz)):
-        r = region[i]
-        if r == FREE:
-            continue
-        if sums[r, 0] == 0.0:
-            for axis in range(3):
-                origin[r, axis] = xyz[i, axis]
-        add_moments(sums[r], xyz[i, 0] - origin[r, 0], xyz[i, 1] - origin[r, 1], xyz[i, 2] - origin[r, 2])
+        if region[i] != FREE:
+            add_point(xyz, i, region[i], origin, sums)
+
+
+@bare
+def add_point(xyz: Floats, i: int, r: int, origin: Floats, sums: Floats) -> None:
+    """Add point i to the moments of region r."""
+    if sums[r, 0] == 0.0:
+        for axis in range(3):
+            origin[r, axis] = xyz[i, axis]
+    add_moments(sums[r], xyz[i, 0] - origin[r, 0], xyz[i, 1] - origin[r, 1], xyz[i, 2] - origin[r, 2])
 
 
 @jit
@@ -62,21 +66,21 @@ def fit_regions(origin: Floats, sums: Floats, planes: Floats, spread: Floats) ->
             spread[r, axis] = variance[axis]
 
 
-@part
+@bare
 def off_plane(xyz: Floats, i: int, plane: Floats) -> float:
     """Return the distance of point i to a plane; nan if there is none."""
     dx, dy, dz = xyz[i, 0] - plane[3], xyz[i, 1] - plane[4], xyz[i, 2] - plane[5]
     return abs(dx * plane[0] + dy * plane[1] + dz * plane[2])
 
 
-@part
+@bare
 def faces(normal: Floats32, i: int, plane: Floats, cos_angle: float) -> bool:
     """Return whether point i faces as a plane does; a point without a normal does."""
     cosine = abs(normal[i, 0] * plane[0] + normal[i, 1] * plane[1] + normal[i, 2] * plane[2])
     return not cosine < cos_angle
 
 
-@part
+@bare
 def belongs(surface: Surface, i: int, plane: Floats, tolerance: Tolerance) -> bool:
     """Return whether point i lies near enough to a plane and faces as it does."""
     near = off_plane(surface.xyz, i, plane) <= tolerance.max_distance
@@ -92,31 +96,36 @@ def change_sides(
     Nearest among the planes near enough that it faces; none if there is no such plane. All look at the regions of
     before, so that the order of the points does not matter.
     """
-    (xyz, neighbours, normal), (cos_angle, max_distance) = surface, tolerance
     for i in range(begin, begin + len(out)):
-        own = region[i]
-        best, nearest = FREE, np.inf
-        if own != FREE:
-            distance = off_plane(xyz, i, planes[own])
-            if distance <= max_distance:
-                best, nearest = own, distance
-        last = own
-        for j in neighbours[i]:
-            if j < 0:
-                break
-            r = region[j]
-            if r == last or r == FREE or r == own:
-                continue
-            last = r
-            distance = off_plane(xyz, i, planes[r])
-            if not distance <= max_distance or distance > nearest or (distance == nearest and r > best):
-                continue
-            if faces(normal, i, planes[r], cos_angle) and touching(neighbours[i], region, r):
-                best, nearest = r, distance
-        out[i - begin] = best
+        out[i - begin] = nearest_around(surface, i, planes, tolerance, region)
 
 
-@part
+@bare
+def nearest_around(surface: Surface, i: int, planes: Floats, tolerance: Tolerance, region: Ints32) -> int:
+    """Return the region whose plane is nearest to point i, of its own and those round it that it may change to."""
+    (xyz, neighbours, normal), own = surface, region[i]
+    best, nearest = FREE, np.inf
+    if own != FREE:
+        distance = off_plane(xyz, i, planes[own])
+        if distance <= tolerance.max_distance:
+            best, nearest = own, distance
+    last = own
+    for j in neighbours[i]:
+        if j < 0:
+            break
+        r = region[j]
+        if r == last or r == FREE or r == own:
+            continue
+        last = r
+        distance = off_plane(xyz, i, planes[r])
+        if not distance <= tolerance.max_distance or distance > nearest or (distance == nearest and r > best):
+            continue
+        if faces(normal, i, planes[r], tolerance.cos_angle) and touching(neighbours[i], region, r):
+            best, nearest = r, distance
+    return best
+
+
+@bare
 def touching(neighbours: Ints32, region: Ints32, r: int) -> bool:
     """Return whether enough of the neighbours belong to region r."""
     count = 0
@@ -136,16 +145,21 @@ def count_support(neighbours: Ints32, region: Ints32, own: Ints, free: Ints) -> 
     own[:] = 0
     free[:] = 0
     for i in range(len(region)):
-        r = region[i]
-        if r != FREE:
-            n_own, n_free = 0, 0
-            for j in neighbours[i]:
-                if j < 0:
-                    break
-                n_own += region[j] == r
-                n_free += region[j] == FREE
-            own[r] += n_own
-            free[r] += n_free
+        if region[i] != FREE:
+            add_support(neighbours, region, i, own, free)
+
+
+@bare
+def add_support(neighbours: Ints32, region: Ints32, i: int, own: Ints, free: Ints) -> None:
+    """Count the neighbours of point i for its region."""
+    r, n_own, n_free = region[i], 0, 0
+    for j in neighbours[i]:
+        if j < 0:
+            break
+        n_own += region[j] == r
+        n_free += region[j] == FREE
+    own[r] += n_own
+    free[r] += n_free
 
 
 @jit
@@ -183,7 +197,7 @@ def walk_regions(
     by region), and returns the pairs (p, 2) of a region and another that it walked on. A walk ends after `MOST_STEPS`;
     without pairs, once it has found the whole region.
     """
-    n_regions = len(start) - 1
+    n_regions, neighbours, n_around = len(start) - 1, surface.neighbours, surface.neighbours.shape[1]
     queue, pairs = np.empty(len(region), np.int32), np.empty((n_regions if wants_pairs else 0, 2), np.int32)
     seen, met = np.empty(len(region), np.int32), np.empty(n_regions, np.int32)
     seen[:] = FREE
@@ -191,8 +205,9 @@ def walk_regions(
     n_pieces, n_pairs = 0, 0
     for r in range(n_regions):
         missing = start[r + 1] - start[r]
-        steps = MOST_STEPS * missing
-        for first in members[start[r] : start[r + 1]]:
+        steps, plane = MOST_STEPS * missing, planes[r]
+        for place in range(start[r], start[r + 1]):
+            first = members[place]
             if seen[first] == r:
                 continue
             seen[first] = r
@@ -209,7 +224,8 @@ def walk_regions(
                     i = queue[over]
                     over -= 1
                     steps -= 1
-                for j in surface.neighbours[i]:
+                for rank in range(n_around):
+                    j = neighbours[i, rank]
                     if j < 0:
                         break
                     if seen[j] == r:
@@ -221,7 +237,7 @@ def walk_regions(
                         missing -= 1
                         queue[tail] = j
                         tail += 1
-                    elif other != FREE and belongs(surface, j, planes[r], tolerance):
+                    elif other != FREE and belongs(surface, j, plane, tolerance):
                         queue[last] = j
                         last -= 1
                         if wants_pairs and met[other] != r:
@@ -243,19 +259,27 @@ def join_rest(
     ``cell[i]`` is the representative of point i, by which `neighbours` and `region` count.
     """
     for i in range(len(xyz)):
-        best, nearest = FREE, max_distance
-        own = region[cell[i]]
-        if own != FREE and off_plane(xyz, i, planes[own]) <= nearest:
-            best, nearest = own, off_plane(xyz, i, planes[own])
-        for j in neighbours[cell[i]]:
-            if j < 0:
-                break
-            r = region[j]
-            if r != FREE and r != own:
-                distance = off_plane(xyz, i, planes[r])
-                if distance < nearest or (distance == nearest and r < best):
-                    best, nearest = r, distance
-        out[i] = best
+        out[i] = nearest_beside(xyz, i, cell[i], neighbours, planes, max_distance, region)
+
+
+@bare
+def nearest_beside(
+    xyz: Floats, i: int, cell: int, neighbours: Ints32, planes: Floats, max_distance: float, region: Ints32
+) -> int:
+    """Return the region whose plane is nearest to point i, of those of a representative and of its neighbours."""
+    best, nearest = FREE, max_distance
+    own = region[cell]
+    if own != FREE and off_plane(xyz, i, planes[own]) <= nearest:
+        best, nearest = own, off_plane(xyz, i, planes[own])
+    for j in neighbours[cell]:
+        if j < 0:
+            break
+        r = region[j]
+        if r != FREE and r != own:
+            distance = off_plane(xyz, i, planes[r])
+            if distance < nearest or (distance == nearest and r < best):
+                best, nearest = r, distance
+    return best
 
 
 @jit
