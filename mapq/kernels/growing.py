@@ -27,7 +27,8 @@ def grow_one(
     while head < n_members:
         i = queue[head]
         head += 1
-        for j in neighbours[i]:
+        for rank in range(neighbours.shape[1]):
+            j = neighbours[i, rank]
             if j < 0:
                 break
             if region[j] != FREE:

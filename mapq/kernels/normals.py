@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mapq.kernels._jit import Bools, Floats, Floats32, Ints, Ints32, bare, jit, part
+from mapq.kernels.order_statistics import select
 from mapq.kernels.planes import MOMENTS, Fit, fit_plane, write_moments
 
 
@@ -18,7 +19,8 @@ def add_up(xyz: Floats, i: int, neighbours: Ints32, s: int, sums: Floats) -> flo
     """Write the moments of a point and of its neighbours, in row `s`, about the point; return how many they are."""
     n = 1.0
     sx = sy = sz = xx = xy = xz = yy = yz = zz = 0.0
-    for j in neighbours[s]:
+    for rank in range(neighbours.shape[1]):
+        j = neighbours[s, rank]
         if j < 0:
             break
         x, y, z = xyz[j, 0] - xyz[i, 0], xyz[j, 1] - xyz[i, 1], xyz[j, 2] - xyz[i, 2]
@@ -61,7 +63,8 @@ def local_points(xyz: Floats, i: int, neighbours: Ints32, row: int, local: Float
     """Copy a point and its neighbours, in a row of many, relative to the point; return how many."""
     local[:, 0] = 0.0
     n_local = 1
-    for j in neighbours[row]:
+    for rank in range(neighbours.shape[1]):
+        j = neighbours[row, rank]
         if j < 0:
             break
         for axis in range(3):
@@ -78,7 +81,8 @@ def widen(i: int, neighbours: Ints32, size: int, stamp: Ints32, wide: Ints32, n_
     """
     n_wide = 0
     stamp[i] = i
-    for j in neighbours[i]:
+    for rank in range(neighbours.shape[1]):
+        j = neighbours[i, rank]
         if j < 0:
             break
         wide[0, n_wide] = j
@@ -178,6 +182,14 @@ def fit_within(local: Floats, residual: Floats, n_local: int, limit: float, fit:
 
 
 @bare
+def value_of_rank(values: Floats, n: int, rank: int, scratch: Floats) -> float:
+    """Return the value of a rank, from 0, among the first n, which stay in their order."""
+    for c in range(n):
+        scratch[c] = values[c]
+    return select(scratch, n, rank)
+
+
+@bare
 def smallest(values: Floats, n: int, kept: int, sorted_: Floats) -> float:
     """Return the number `kept` in the order of size of the first n values."""
     n_sorted = 0
@@ -233,13 +245,13 @@ def trimmed_residuals(
                 residuals(local, n_local, fit.plane, values)
                 # Finds most bad planes without sorting.
                 if count_below(values, n_local, lowest) >= kept:
-                    lowest, best = smallest(values, n_local, kept, order), turn
+                    lowest, best = value_of_rank(values, n_local, kept - 1, order), turn
         if lowest == np.inf:
             continue
         take(planes, best, fit.plane)
         for _ in range(REFITS):
             residuals(local, n_local, fit.plane, values)
-            fit_within(local, values, n_local, smallest(values, n_local, kept, order), fit)
+            fit_within(local, values, n_local, value_of_rank(values, n_local, kept - 1, order), fit)
         residuals(local, n_local, fit.plane, values)
         smallest(values, n_local, kept, order)
         total = 0.0
@@ -257,7 +269,8 @@ def try_clean(
 ) -> int:
     """Write the best of the planes through point i that face as neighbours with one surface do; return its score."""
     highest = 0
-    for j in neighbours[i]:
+    for rank in range(neighbours.shape[1]):
+        j = neighbours[i, rank]
         if j < 0:
             break
         if not thick[j]:

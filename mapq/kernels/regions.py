@@ -67,24 +67,24 @@ def fit_regions(origin: Floats, sums: Floats, planes: Floats, spread: Floats) ->
 
 
 @bare
-def off_plane(xyz: Floats, i: int, plane: Floats) -> float:
-    """Return the distance of point i to a plane; nan if there is none."""
-    dx, dy, dz = xyz[i, 0] - plane[3], xyz[i, 1] - plane[4], xyz[i, 2] - plane[5]
-    return abs(dx * plane[0] + dy * plane[1] + dz * plane[2])
+def off_plane(xyz: Floats, i: int, planes: Floats, r: int) -> float:
+    """Return the distance of point i to the plane of region r; nan if there is none."""
+    dx, dy, dz = xyz[i, 0] - planes[r, 3], xyz[i, 1] - planes[r, 4], xyz[i, 2] - planes[r, 5]
+    return abs(dx * planes[r, 0] + dy * planes[r, 1] + dz * planes[r, 2])
 
 
 @bare
-def faces(normal: Floats32, i: int, plane: Floats, cos_angle: float) -> bool:
-    """Return whether point i faces as a plane does; a point without a normal does."""
-    cosine = abs(normal[i, 0] * plane[0] + normal[i, 1] * plane[1] + normal[i, 2] * plane[2])
+def faces(normal: Floats32, i: int, planes: Floats, r: int, cos_angle: float) -> bool:
+    """Return whether point i faces as the plane of region r does; a point without a normal does."""
+    cosine = abs(normal[i, 0] * planes[r, 0] + normal[i, 1] * planes[r, 1] + normal[i, 2] * planes[r, 2])
     return not cosine < cos_angle
 
 
 @bare
-def belongs(surface: Surface, i: int, plane: Floats, tolerance: Tolerance) -> bool:
-    """Return whether point i lies near enough to a plane and faces as it does."""
-    near = off_plane(surface.xyz, i, plane) <= tolerance.max_distance
-    return near and faces(surface.normal, i, plane, tolerance.cos_angle)
+def belongs(surface: Surface, i: int, planes: Floats, r: int, tolerance: Tolerance) -> bool:
+    """Return whether point i lies near enough to the plane of region r and faces as it does."""
+    near = off_plane(surface.xyz, i, planes, r) <= tolerance.max_distance
+    return near and faces(surface.normal, i, planes, r, tolerance.cos_angle)
 
 
 @jit
@@ -96,40 +96,37 @@ def change_sides(
     Nearest among the planes near enough that it faces; none if there is no such plane. All look at the regions of
     before, so that the order of the points does not matter.
     """
+    (xyz, neighbours, normal), (cos_angle, max_distance) = surface, tolerance
     for i in range(begin, begin + len(out)):
-        out[i - begin] = nearest_around(surface, i, planes, tolerance, region)
+        own = region[i]
+        best, nearest = FREE, np.inf
+        if own != FREE:
+            distance = off_plane(xyz, i, planes, own)
+            if distance <= max_distance:
+                best, nearest = own, distance
+        last = own
+        for rank in range(neighbours.shape[1]):
+            j = neighbours[i, rank]
+            if j < 0:
+                break
+            r = region[j]
+            if r == last or r == FREE or r == own:
+                continue
+            last = r
+            distance = off_plane(xyz, i, planes, r)
+            if not distance <= max_distance or distance > nearest or (distance == nearest and r > best):
+                continue
+            if faces(normal, i, planes, r, cos_angle) and touching(neighbours, i, region, r):
+                best, nearest = r, distance
+        out[i - begin] = best
 
 
 @bare
-def nearest_around(surface: Surface, i: int, planes: Floats, tolerance: Tolerance, region: Ints32) -> int:
-    """Return the region whose plane is nearest to point i, of its own and those round it that it may change to."""
-    (xyz, neighbours, normal), own = surface, region[i]
-    best, nearest = FREE, np.inf
-    if own != FREE:
-        distance = off_plane(xyz, i, planes[own])
-        if distance <= tolerance.max_distance:
-            best, nearest = own, distance
-    last = own
-    for j in neighbours[i]:
-        if j < 0:
-            break
-        r = region[j]
-        if r == last or r == FREE or r == own:
-            continue
-        last = r
-        distance = off_plane(xyz, i, planes[r])
-        if not distance <= tolerance.max_distance or distance > nearest or (distance == nearest and r > best):
-            continue
-        if faces(normal, i, planes[r], tolerance.cos_angle) and touching(neighbours[i], region, r):
-            best, nearest = r, distance
-    return best
-
-
-@bare
-def touching(neighbours: Ints32, region: Ints32, r: int) -> bool:
-    """Return whether enough of the neighbours belong to region r."""
+def touching(neighbours: Ints32, i: int, region: Ints32, r: int) -> bool:
+    """Return whether enough of the neighbours of point i belong to region r."""
     count = 0
-    for j in neighbours:
+    for rank in range(neighbours.shape[1]):
+        j = neighbours[i, rank]
         if j < 0:
             break
         count += region[j] == r
@@ -145,21 +142,17 @@ def count_support(neighbours: Ints32, region: Ints32, own: Ints, free: Ints) -> 
     own[:] = 0
     free[:] = 0
     for i in range(len(region)):
-        if region[i] != FREE:
-            add_support(neighbours, region, i, own, free)
-
-
-@bare
-def add_support(neighbours: Ints32, region: Ints32, i: int, own: Ints, free: Ints) -> None:
-    """Count the neighbours of point i for its region."""
-    r, n_own, n_free = region[i], 0, 0
-    for j in neighbours[i]:
-        if j < 0:
-            break
-        n_own += region[j] == r
-        n_free += region[j] == FREE
-    own[r] += n_own
-    free[r] += n_free
+        r = region[i]
+        if r != FREE:
+            n_own, n_free = 0, 0
+            for rank in range(neighbours.shape[1]):
+                j = neighbours[i, rank]
+                if j < 0:
+                    break
+                n_own += region[j] == r
+                n_free += region[j] == FREE
+            own[r] += n_own
+            free[r] += n_free
 
 
 @jit
@@ -197,7 +190,7 @@ def walk_regions(
     by region), and returns the pairs (p, 2) of a region and another that it walked on. A walk ends after `MOST_STEPS`;
     without pairs, once it has found the whole region.
     """
-    n_regions, neighbours, n_around = len(start) - 1, surface.neighbours, surface.neighbours.shape[1]
+    n_regions, neighbours = len(start) - 1, surface.neighbours
     queue, pairs = np.empty(len(region), np.int32), np.empty((n_regions if wants_pairs else 0, 2), np.int32)
     seen, met = np.empty(len(region), np.int32), np.empty(n_regions, np.int32)
     seen[:] = FREE
@@ -205,7 +198,7 @@ def walk_regions(
     n_pieces, n_pairs = 0, 0
     for r in range(n_regions):
         missing = start[r + 1] - start[r]
-        steps, plane = MOST_STEPS * missing, planes[r]
+        steps = MOST_STEPS * missing
         for place in range(start[r], start[r + 1]):
             first = members[place]
             if seen[first] == r:
@@ -224,7 +217,7 @@ def walk_regions(
                     i = queue[over]
                     over -= 1
                     steps -= 1
-                for rank in range(n_around):
+                for rank in range(neighbours.shape[1]):
                     j = neighbours[i, rank]
                     if j < 0:
                         break
@@ -237,7 +230,7 @@ def walk_regions(
                         missing -= 1
                         queue[tail] = j
                         tail += 1
-                    elif other != FREE and belongs(surface, j, plane, tolerance):
+                    elif other != FREE and belongs(surface, j, planes, r, tolerance):
                         queue[last] = j
                         last -= 1
                         if wants_pairs and met[other] != r:
@@ -259,27 +252,20 @@ def join_rest(
     ``cell[i]`` is the representative of point i, by which `neighbours` and `region` count.
     """
     for i in range(len(xyz)):
-        out[i] = nearest_beside(xyz, i, cell[i], neighbours, planes, max_distance, region)
-
-
-@bare
-def nearest_beside(
-    xyz: Floats, i: int, cell: int, neighbours: Ints32, planes: Floats, max_distance: float, region: Ints32
-) -> int:
-    """Return the region whose plane is nearest to point i, of those of a representative and of its neighbours."""
-    best, nearest = FREE, max_distance
-    own = region[cell]
-    if own != FREE and off_plane(xyz, i, planes[own]) <= nearest:
-        best, nearest = own, off_plane(xyz, i, planes[own])
-    for j in neighbours[cell]:
-        if j < 0:
-            break
-        r = region[j]
-        if r != FREE and r != own:
-            distance = off_plane(xyz, i, planes[r])
-            if distance < nearest or (distance == nearest and r < best):
-                best, nearest = r, distance
-    return best
+        best, nearest = FREE, max_distance
+        own = region[cell[i]]
+        if own != FREE and off_plane(xyz, i, planes, own) <= nearest:
+            best, nearest = own, off_plane(xyz, i, planes, own)
+        for rank in range(neighbours.shape[1]):
+            j = neighbours[cell[i], rank]
+            if j < 0:
+                break
+            r = region[j]
+            if r != FREE and r != own:
+                distance = off_plane(xyz, i, planes, r)
+                if distance < nearest or (distance == nearest and r < best):
+                    best, nearest = r, distance
+        out[i] = best
 
 
 @jit
