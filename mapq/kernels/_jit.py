@@ -50,7 +50,7 @@ def part(function: _Function) -> _Function:
     return share_integers(compiled)
 
 
-def bare(function: _Function) -> _Function:
+def core(function: _Function) -> _Function:
     """Compile a part of a kernel that makes no arrays and returns none, without counting references to any.
 
     Counting takes an atomic instruction for each array, and each row of one, that a loop names.

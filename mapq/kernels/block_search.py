@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mapq.kernels._jit import Codes, Floats, Floats32, Ints, Ints32, bare
+from mapq.kernels._jit import Codes, Floats, Floats32, Ints, Ints32, core
 from mapq.kernels.cells import LEVELS
 from mapq.kernels.order_statistics import select
 
@@ -39,13 +39,13 @@ class Candidates(NamedTuple):
     who: Ints  # their numbers
 
 
-@bare
+@core
 def own_place(octant: int) -> int:
     """Place of a child of a cell among the 4 x 4 x 4 cells round all its children."""
     return 21 + 16 * (octant >> 2) + 4 * ((octant >> 1) & 1) + (octant & 1)
 
 
-@bare
+@core
 def split(code: Codes, low: int, high: int, level: int, start: Ints) -> None:
     """Write where the eight cells of `level` begin among the points low to high - 1 of their parent."""
     shift = np.uint64(3 * (LEVELS - level))
@@ -70,7 +70,7 @@ def split(code: Codes, low: int, high: int, level: int, start: Ints) -> None:
     start[8] = high
 
 
-@bare
+@core
 def divide(code: Codes, blocks: Ints, depth: int, place: int, start: Ints) -> None:
     """Write the 4 x 4 x 4 cells round a cell's eight children from the 3 x 3 x 3 cells round the cell itself."""
     last = -1
@@ -82,7 +82,7 @@ def divide(code: Codes, blocks: Ints, depth: int, place: int, start: Ints) -> No
         blocks[depth + 1, child, 0], blocks[depth + 1, child, 1] = start[octant], start[octant + 1]
 
 
-@bare
+@core
 def list_runs(blocks: Ints, depth: int, place: int, runs: Ints) -> tuple[int, int]:
     """List the runs of points in the 27 cells round a cell; return how many, and of how many points."""
     n_runs, total = 0, 0
@@ -94,13 +94,13 @@ def list_runs(blocks: Ints, depth: int, place: int, runs: Ints) -> tuple[int, in
     return n_runs, total
 
 
-@bare
+@core
 def padded(n: int) -> int:
     """Round up to a multiple of `WIDTH`."""
     return (n + WIDTH - 1) // WIDTH * WIDTH
 
 
-@bare
+@core
 def gather(xyz: Floats, found: Candidates, n_runs: int, low: int) -> int:
     """Copy the points of the runs side by side; return at which place point `low` is.
 
@@ -121,7 +121,7 @@ def gather(xyz: Floats, found: Candidates, n_runs: int, low: int) -> int:
     return place
 
 
-@bare
+@core
 def insert(best: Floats, index: Ints, n_best: int, d2: float, j: int) -> int:
     """Put point `j` into a list sorted by distance and then number; return its length, at most the list's size."""
     size = len(best)
@@ -139,7 +139,7 @@ def insert(best: Floats, index: Ints, n_best: int, d2: float, j: int) -> int:
     return n_best + 1
 
 
-@bare
+@core
 def list_within(key: Ints32, total: int, bound: int, listed: Ints32) -> int:
     """List the keys up to a bound, without a branch; return how many."""
     n_near, end = np.uint64(0), np.uint32(bound + 1)
@@ -149,14 +149,14 @@ def list_within(key: Ints32, total: int, bound: int, listed: Ints32) -> int:
     return np.int64(n_near)
 
 
-@bare
+@core
 def key_of(found: Candidates, squared: float) -> int:
     """Return the largest key that a squared distance may have."""
     found.rounded[PLACES - 1] = squared
     return np.int64(found.key[PLACES - 1]) | (PLACES - 1)
 
 
-@bare
+@core
 def sort_keys(listed: Ints32, n: int, key: Ints32) -> None:
     """Write the first n of some distinct keys in ascending order.
 
@@ -173,7 +173,7 @@ def sort_keys(listed: Ints32, n: int, key: Ints32) -> None:
         key[np.uint64(rank)] = listed[t]
 
 
-@bare
+@core
 def write_keys(xyz: Floats, i: int, found: Candidates, total: int, place: int) -> None:
     """Write the distances of the candidates from point i, which is at `place` among them, and their keys."""
     near, squared, rounded, key = found.near, found.squared, found.rounded, found.key
@@ -189,7 +189,7 @@ def write_keys(xyz: Floats, i: int, found: Candidates, total: int, place: int) -
     squared[place], key[place] = -1.0, place
 
 
-@bare
+@core
 def rank_nearest(
     xyz: Floats, i: int, found: Candidates, total: int, place: int, k: int, guess: float, bound: float
 ) -> int:

@@ -7,13 +7,13 @@ every size of cell at once. The root is a cube; level 0 is the root, and each le
 import numpy as np
 from numpy.typing import NDArray
 
-from mapq.kernels._jit import Codes, Floats, Ints, bare, jit
+from mapq.kernels._jit import Codes, Floats, Ints, core, jit
 
 LEVELS = 21
 """Of the finest cells: three times 21 bits fit into one number."""
 
 
-@bare
+@core
 def spread_bits(index: int) -> np.uint64:
     """Put two zero bits after each of the 21 bits of a cell's index along one axis."""
     bits = np.uint64(index)
@@ -24,7 +24,7 @@ def spread_bits(index: int) -> np.uint64:
     return (bits | (bits << np.uint64(2))) & np.uint64(0x1249249249249249)
 
 
-@bare
+@core
 def gather_bits(code: np.uint64) -> int:
     """Undo :func:`spread_bits`: collect every third bit."""
     bits = code & np.uint64(0x1249249249249249)

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mapq.kernels._jit import Bools, Floats, Ints32, bare, jit
+from mapq.kernels._jit import Bools, Floats, Ints32, core, jit
 from mapq.kernels.planes import Surface, Tolerance, dot
 
 
@@ -16,7 +16,7 @@ class Cylinder(NamedTuple):
     radius: float  # metres
 
 
-@bare
+@core
 def off_cylinder(surface: Surface, i: int, cylinder: Cylinder) -> tuple[float, float]:
     """Height of point i over a cylinder, and cosine of the angle between its normal and the cylinder's there."""
     x = surface.xyz[i, 0] - cylinder.centre[0]

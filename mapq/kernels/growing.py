@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mapq.kernels._jit import Floats, Ints, Ints32, bare, jit
+from mapq.kernels._jit import Floats, Ints, Ints32, core, jit
 from mapq.kernels.planes import MOMENTS, Fit, Surface, Tolerance, add_moments, fit_plane
 
 FREE = -1
@@ -11,7 +11,7 @@ REFIT_GROWTH = 1.1
 young plane lean, and each point still costs less for refits than for its neighbours."""
 
 
-@bare
+@core
 def grow_one(
     surface: Surface, seed: int, number: int, tolerance: Tolerance, region: Ints32, queue: Ints32, fit: Fit
 ) -> int:
@@ -71,7 +71,7 @@ def grow_regions(surface: Surface, seeds: Ints, tolerance: Tolerance, min_size: 
     return n_regions
 
 
-@bare
+@core
 def translate(sums: Floats, origin: Floats, to: Floats, out: Floats) -> None:
     """Write the moments of a set about another origin."""
     n, x, y, z = sums[0], origin[0] - to[0], origin[1] - to[1], origin[2] - to[2]
@@ -85,7 +85,7 @@ def translate(sums: Floats, origin: Floats, to: Floats, out: Floats) -> None:
     out[9] = sums[9] + 2.0 * z * sums[3] + n * z * z
 
 
-@bare
+@core
 def mean_square(sums: Floats, plane: Floats) -> float:
     """Return the mean squared distance of a set to a plane."""
     nx, ny, nz, d = plane[0], plane[1], plane[2], plane[3]
@@ -95,7 +95,7 @@ def mean_square(sums: Floats, plane: Floats) -> float:
     return max((quadratic - 2.0 * d * linear) / sums[0] + d * d, 0.0)
 
 
-@bare
+@core
 def joint_rms(a: int, b: int, origin: Floats, sums: Floats, moved: Floats, fit: Fit) -> float:
     """Return how well one plane would do for two regions: the worse one's distance to it, root mean square.
 
@@ -108,7 +108,7 @@ def joint_rms(a: int, b: int, origin: Floats, sums: Floats, moved: Floats, fit: 
     return np.sqrt(max(mean_square(sums[a], fit.plane), mean_square(moved, fit.plane)))
 
 
-@bare
+@core
 def root_of(parent: Ints32, r: int) -> int:
     """Return the region into which r was merged."""
     while parent[r] != r:

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mapq.kernels._jit import Codes, Floats, Ints, Ints32, bare, jit, part
+from mapq.kernels._jit import Codes, Floats, Ints, Ints32, core, jit, part
 from mapq.kernels.block_search import (
     PLACES,
     Candidates,
@@ -46,7 +46,7 @@ class Cloud(NamedTuple):
     before: Ints32  # (n + 1,) points wanted before each: its row of the result
 
 
-@bare
+@core
 def cell_corner(code: np.uint64, level: int, frame: Floats) -> tuple[tuple[float, float, float], float]:
     """Return the lowest corner of the cell of `level` that holds a number, and its width."""
     width = frame[3] / (1 << level)
@@ -56,7 +56,7 @@ def cell_corner(code: np.uint64, level: int, frame: Floats) -> tuple[tuple[float
     return (x, y, z), width
 
 
-@bare
+@core
 def margin(xyz: Floats, i: int, corner: tuple[float, float, float], width: float) -> float:
     """Return the distance from point i to the border of the 27 cells round its cell."""
     nearest = np.inf
@@ -66,7 +66,7 @@ def margin(xyz: Floats, i: int, corner: tuple[float, float, float], width: float
     return nearest * BRIM
 
 
-@bare
+@core
 def distance_to_cell(cloud: Cloud, i: int, code: np.uint64, level: int) -> float:
     """Return a lower bound of the squared distance from point i to the cell of `level` that holds `code`."""
     corner, width = cell_corner(code, level, cloud.frame)
@@ -77,7 +77,7 @@ def distance_to_cell(cloud: Cloud, i: int, code: np.uint64, level: int) -> float
     return total * BRIM
 
 
-@bare
+@core
 def octant_towards(cloud: Cloud, i: int, code: np.uint64, level: int) -> int:
     """Child of the cell of `level` that holds `code` on the side of point i."""
     width = cloud.frame[3] / (1 << (level + 1))
@@ -88,7 +88,7 @@ def octant_towards(cloud: Cloud, i: int, code: np.uint64, level: int) -> int:
     return towards
 
 
-@bare
+@core
 def walk_tree(cloud: Cloud, i: int, max_d2: float, stack: Ints, start: Ints, best: Floats, index: Ints) -> int:
     """List the nearest to point i among all within a squared distance, nearest cells first; return how many."""
     xyz, size, n_best = cloud.xyz, len(best), 0
@@ -115,7 +115,7 @@ def walk_tree(cloud: Cloud, i: int, max_d2: float, stack: Ints, start: Ints, bes
     return n_best
 
 
-@bare
+@core
 def write_row(r: int, n_best: int, found: Candidates, max_d2: float, neighbours: Ints32) -> None:
     """Write one point's list up to the squared distance `max_d2`."""
     n_kept = 0
@@ -126,7 +126,7 @@ def write_row(r: int, n_best: int, found: Candidates, max_d2: float, neighbours:
         neighbours[r, c] = -1
 
 
-@bare
+@core
 def search_leaf(
     cloud: Cloud, found: Candidates, blocks: Ints, octants: Ints, depth: int, last: Floats, max_gap: float, out: Ints32
 ) -> int:
@@ -163,7 +163,7 @@ def search_leaf(
     return n_open
 
 
-@bare
+@core
 def search_tree(
     cloud: Cloud, found: Candidates, low: int, high: int, max_gap: float, stack: Ints, start: Ints, out: Ints32
 ) -> None:

@@ -9,12 +9,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mapq.kernels._jit import Bools, Floats, Floats32, Ints, Ints32, bare, jit, part
+from mapq.kernels._jit import Bools, Floats, Floats32, Ints, Ints32, core, jit, part
 from mapq.kernels.order_statistics import select
 from mapq.kernels.planes import MOMENTS, Fit, fit_plane, write_moments
 
 
-@bare
+@core
 def add_up(xyz: Floats, i: int, neighbours: Ints32, s: int, sums: Floats) -> float:
     """Write the moments of a point and of its neighbours, in row `s`, about the point; return how many they are."""
     n = 1.0
@@ -58,7 +58,7 @@ NARROW = 0.25
 """Squared sine of the angle at the point below which two neighbours determine a plane too badly (30 degrees)."""
 
 
-@bare
+@core
 def local_points(xyz: Floats, i: int, neighbours: Ints32, row: int, local: Floats) -> int:
     """Copy a point and its neighbours, in a row of many, relative to the point; return how many."""
     local[:, 0] = 0.0
@@ -73,7 +73,7 @@ def local_points(xyz: Floats, i: int, neighbours: Ints32, row: int, local: Float
     return n_local
 
 
-@bare
+@core
 def widen(i: int, neighbours: Ints32, size: int, stamp: Ints32, wide: Ints32, n_inner: int) -> int:
     """List the neighbours of point i and then theirs, each once, the farthest neighbours' first; return how many.
 
@@ -116,7 +116,7 @@ def list_pairs(size: int, turns: int) -> Ints:
     return pairs
 
 
-@bare
+@core
 def list_candidates(local: Floats, pairs: Ints, turns: int, planes: Floats) -> None:
     """Write the planes (4, turns) through the point and two neighbours: normals of their own length, and that squared.
 
@@ -133,7 +133,7 @@ def list_candidates(local: Floats, pairs: Ints, turns: int, planes: Floats) -> N
         planes[3, turn] = squared if squared > NARROW * lengths else 0.0
 
 
-@bare
+@core
 def take(planes: Floats, turn: int, plane: Floats) -> None:
     """Copy a candidate that is one, its normal made a unit vector."""
     length = np.sqrt(planes[3, turn])
@@ -141,7 +141,7 @@ def take(planes: Floats, turn: int, plane: Floats) -> None:
     plane[3] = 0.0
 
 
-@bare
+@core
 def residuals(local: Floats, n_local: int, plane: Floats, out: Floats) -> None:
     """Write the distances of the local points to a plane."""
     nx, ny, nz, d = plane[0], plane[1], plane[2], plane[3]
@@ -149,7 +149,7 @@ def residuals(local: Floats, n_local: int, plane: Floats, out: Floats) -> None:
         out[c] = abs(nx * local[0, c] + ny * local[1, c] + nz * local[2, c] - d)
 
 
-@bare
+@core
 def count_near(local: Floats, n_local: int, nx: float, ny: float, nz: float, near: float) -> int:
     """Return how many points lie near a plane through the point, those within half that distance counted twice.
 
@@ -164,7 +164,7 @@ def count_near(local: Floats, n_local: int, nx: float, ny: float, nz: float, nea
     return score
 
 
-@bare
+@core
 def fit_within(local: Floats, residual: Floats, n_local: int, limit: float, fit: Fit) -> int:
     """Fit the plane to the points within `limit` of the last one; return how many they are."""
     n = sx = sy = sz = xx = xy = xz = yy = yz = zz = 0.0
@@ -181,7 +181,7 @@ def fit_within(local: Floats, residual: Floats, n_local: int, limit: float, fit:
     return int(n)
 
 
-@bare
+@core
 def value_of_rank(values: Floats, n: int, rank: int, scratch: Floats) -> float:
     """Return the value of a rank, from 0, among the first n, which stay in their order."""
     for c in range(n):
@@ -189,7 +189,7 @@ def value_of_rank(values: Floats, n: int, rank: int, scratch: Floats) -> float:
     return select(scratch, n, rank)
 
 
-@bare
+@core
 def smallest(values: Floats, n: int, kept: int, sorted_: Floats) -> float:
     """Return the number `kept` in the order of size of the first n values."""
     n_sorted = 0
@@ -205,7 +205,7 @@ def smallest(values: Floats, n: int, kept: int, sorted_: Floats) -> float:
     return sorted_[n_sorted - 1]
 
 
-@bare
+@core
 def count_below(values: Floats, n: int, limit: float) -> int:
     """Return how many of the first n values are below a limit."""
     n_below = 0
@@ -263,7 +263,7 @@ def trimmed_residuals(
             residual[s, c] = values[c]
 
 
-@bare
+@core
 def try_clean(
     local: Floats, n_local: int, i: int, neighbours: Ints32, thick: Bools, normal: Floats32, band: float, best: Floats
 ) -> int:
@@ -284,7 +284,7 @@ def try_clean(
     return highest
 
 
-@bare
+@core
 def try_turns(
     local: Floats, n_local: int, pairs: Ints, planes: Floats, fewest: float, band: float, best: Floats
 ) -> int:
@@ -317,7 +317,7 @@ class Room(NamedTuple):
     fit: Fit
 
 
-@bare
+@core
 def fit_robustly(
     xyz: Floats,
     i: int,

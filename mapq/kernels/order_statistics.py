@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from mapq.kernels._jit import Floats, Ints, bare, jit
+from mapq.kernels._jit import Floats, Ints, core, jit
 
 
-@bare
+@core
 def part_by(values: Floats, low: int, high: int, pivot: float, keeps_equal: bool) -> int:
     """Move what is below a pivot, or equal to it too, to the front of ``values[low:high]``; return where that ends.
 
@@ -20,7 +20,7 @@ def part_by(values: Floats, low: int, high: int, pivot: float, keeps_equal: bool
     return end
 
 
-@bare
+@core
 def select(values: Floats, n: int, k: int) -> float:
     """Value of rank k (from 0) among the first n (Hoare 1961); reorders them so that none before rank k is larger."""
     low, high = 0, n
@@ -37,7 +37,7 @@ def select(values: Floats, n: int, k: int) -> float:
     return values[k]
 
 
-@bare
+@core
 def quantile(values: Floats, n: int, share: float) -> float:
     """Quantile of the first n >= 1 values, linear between ranks (type 7 of Hyndman and Fan 1996); reorders them."""
     rank = share * (n - 1)

@@ -4,7 +4,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mapq.kernels._jit import Floats, Floats32, Ints32, bare
+from mapq.kernels._jit import Floats, Floats32, Ints32, core
 
 MOMENTS = 10
 """Moments that give the plane of a set: how many, sums of x y z, sums of xx xy xz yy yz zz."""
@@ -36,7 +36,7 @@ class Tolerance(NamedTuple):
     max_distance: float  # metres
 
 
-@bare
+@core
 def add_moments(sums: Floats, x: float, y: float, z: float) -> None:
     """Add one point, given relative to the set's own origin so that the squares stay small."""
     sums[0] += 1.0
@@ -51,7 +51,7 @@ def add_moments(sums: Floats, x: float, y: float, z: float) -> None:
     sums[9] += z * z
 
 
-@bare
+@core
 def write_moments(
     sums: Floats,
     n: float,
@@ -70,7 +70,7 @@ def write_moments(
     sums[4], sums[5], sums[6], sums[7], sums[8], sums[9] = xx, xy, xz, yy, yz, zz
 
 
-@bare
+@core
 def fit_plane(sums: Floats, plane: Floats, spread: Floats) -> None:
     """Write the plane (nx, ny, nz, d with n . p = d) of a set, and its variances in ascending order (biased).
 
@@ -101,7 +101,7 @@ def fit_plane(sums: Floats, plane: Floats, spread: Floats) -> None:
     plane[3] = nx * cx + ny * cy + nz * cz
 
 
-@bare
+@core
 def normal_of(xx: float, xy: float, xz: float, yy: float, yz: float, zz: float, plane: Floats) -> None:
     """Write the unit vector that a symmetric matrix of rank two (or less) takes to zero; its largest entry positive."""
     best = 0.0
@@ -131,7 +131,7 @@ def normal_of(xx: float, xy: float, xz: float, yy: float, yz: float, zz: float, 
         plane[0], plane[1], plane[2] = -plane[0], -plane[1], -plane[2]
 
 
-@bare
+@core
 def across_line(xx: float, xy: float, xz: float, yy: float, yz: float, zz: float, plane: Floats) -> None:
     """Write a unit vector across the line whose points have these second moments."""
     ux, uy, uz = xx, xy, xz
@@ -165,19 +165,19 @@ class Planes(NamedTuple):
     bend: Floats  # 1/m, 0 for planes
 
 
-@bare
+@core
 def dot(a: Any, b: Any) -> float:
     """Scalar product."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@bare
+@core
 def dot_from(a: Floats, point: Floats, origin: Floats) -> float:
     """Scalar product of a and the ray from `origin` to `point`."""
     return a[0] * (point[0] - origin[0]) + a[1] * (point[1] - origin[1]) + a[2] * (point[2] - origin[2])
 
 
-@bare
+@core
 def chart(planes: Planes, i: int, point: Floats) -> tuple[float, float, float]:
     """Place of a point in patch i, across and along it, and its height over it; of a curved one across is round it."""
     u, v = dot_from(planes.across[i], point, planes.centre[i]), dot_from(planes.along[i], point, planes.centre[i])
@@ -189,7 +189,7 @@ def chart(planes: Planes, i: int, point: Floats) -> tuple[float, float, float]:
     return u, v, height
 
 
-@bare
+@core
 def facing(planes: Planes, i: int, point: Floats) -> tuple[float, float, float]:
     """Unit normal of patch i below a point: that of its plane, or what leads away from its axis."""
     normal = planes.normal[i]
@@ -208,7 +208,7 @@ def facing(planes: Planes, i: int, point: Floats) -> tuple[float, float, float]:
     return normal[0], normal[1], normal[2]
 
 
-@bare
+@core
 def cross(a: Floats, b: Floats, out: Floats) -> None:
     """Vector product."""
     for axis in range(3):
@@ -216,7 +216,7 @@ def cross(a: Floats, b: Floats, out: Floats) -> None:
         out[axis] = a[one] * b[two] - a[two] * b[one]
 
 
-@bare
+@core
 def normalise(a: Floats) -> None:
     """Make a unit vector of a."""
     length = np.sqrt(dot(a, a))

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mapq.kernels._jit import Floats, Floats32, Ints, Ints32, bare, jit
+from mapq.kernels._jit import Floats, Floats32, Ints, Ints32, core, jit
 from mapq.kernels.planes import Surface, Tolerance, add_moments, fit_plane
 
 FREE = -1
@@ -38,7 +38,7 @@ def sum_regions(xyz: Floats, region: Ints32, origin: Floats, sums: Floats) -> No
             add_point(xyz, i, region[i], origin, sums)
 
 
-@bare
+@core
 def add_point(xyz: Floats, i: int, r: int, origin: Floats, sums: Floats) -> None:
     """Add point i to the moments of region r."""
     if sums[r, 0] == 0.0:
@@ -66,21 +66,21 @@ def fit_regions(origin: Floats, sums: Floats, planes: Floats, spread: Floats) ->
             spread[r, axis] = variance[axis]
 
 
-@bare
+@core
 def off_plane(xyz: Floats, i: int, planes: Floats, r: int) -> float:
     """Return the distance of point i to the plane of region r; nan if there is none."""
     dx, dy, dz = xyz[i, 0] - planes[r, 3], xyz[i, 1] - planes[r, 4], xyz[i, 2] - planes[r, 5]
     return abs(dx * planes[r, 0] + dy * planes[r, 1] + dz * planes[r, 2])
 
 
-@bare
+@core
 def faces(normal: Floats32, i: int, planes: Floats, r: int, cos_angle: float) -> bool:
     """Return whether point i faces as the plane of region r does; a point without a normal does."""
     cosine = abs(normal[i, 0] * planes[r, 0] + normal[i, 1] * planes[r, 1] + normal[i, 2] * planes[r, 2])
     return not cosine < cos_angle
 
 
-@bare
+@core
 def belongs(surface: Surface, i: int, planes: Floats, r: int, tolerance: Tolerance) -> bool:
     """Return whether point i lies near enough to the plane of region r and faces as it does."""
     near = off_plane(surface.xyz, i, planes, r) <= tolerance.max_distance
@@ -121,7 +121,7 @@ def change_sides(
         out[i - begin] = best
 
 
-@bare
+@core
 def touching(neighbours: Ints32, i: int, region: Ints32, r: int) -> bool:
     """Return whether enough of the neighbours of point i belong to region r."""
     count = 0
