@@ -206,7 +206,13 @@ def rank_nearest(
     if n_near > max(FEW, 2 * k):
         n_near = list_within(key, total, np.int64(select(listed, n_near, k)) | (PLACES - 1), listed)
     sort_keys(listed, n_near, key)
+    ordered, who, last = found.ordered, found.who, -np.inf
     for s in range(n_near):
         c = np.uint64(key[s] & (PLACES - 1))
-        insert(found.ordered, found.who, s, found.squared[c], found.number[c])
+        last, before = found.squared[c], last
+        if last > before:
+            ordered[s], who[s] = last, found.number[c]
+        else:
+            insert(ordered, who, s, last, found.number[c])
+            last = ordered[s]
     return min(n_near - 1, k)

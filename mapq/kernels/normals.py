@@ -51,6 +51,8 @@ def estimate_normals(xyz: Floats, points: Ints, neighbours: Ints32, normal: Floa
             spread[s, axis] = variance[axis]
 
 
+WIDTH = 4
+"""Numbers that vector instructions take at once: lists are padded to multiples of it, so that none are left over."""
 REFITS = 2
 CLEAN_SHARE = 0.9
 """Score by point, about 1.7 where all lie on the plane, from which on a clean neighbour's plane is taken."""
@@ -60,7 +62,10 @@ NARROW = 0.25
 
 @core
 def local_points(xyz: Floats, i: int, neighbours: Ints32, row: int, local: Floats) -> int:
-    """Copy a point and its neighbours, in a row of many, relative to the point; return how many."""
+    """Copy a point and its neighbours, in a row of many, relative to the point; return how many.
+
+    What pads them to a multiple of `WIDTH` lies near no plane.
+    """
     local[:, 0] = 0.0
     n_local = 1
     for rank in range(neighbours.shape[1]):
@@ -70,7 +75,14 @@ def local_points(xyz: Floats, i: int, neighbours: Ints32, row: int, local: Float
         for axis in range(3):
             local[axis, n_local] = xyz[j, axis] - xyz[i, axis]
         n_local += 1
+    local[:, n_local : padded(n_local)] = np.inf
     return n_local
+
+
+@core
+def padded(n: int) -> int:
+    """Round up to a multiple of `WIDTH`."""
+    return (n + WIDTH - 1) // WIDTH * WIDTH
 
 
 @core
@@ -96,10 +108,10 @@ def widen(i: int, neighbours: Ints32, size: int, stamp: Ints32, wide: Ints32, n_
                 return n_wide
             if j < 0:
                 break
-            if stamp[j] != i:
-                stamp[j] = i
-                wide[0, n_wide] = j
-                n_wide += 1
+            # Without a branch, which would be guessed wrong for every second one.
+            wide[0, n_wide] = j
+            n_wide += stamp[j] != i
+            stamp[j] = i
     for c in range(n_wide, size):
         wide[0, c] = -1
     return n_wide
@@ -158,7 +170,7 @@ def count_near(local: Floats, n_local: int, nx: float, ny: float, nz: float, nea
     """
     half = 0.25 * near
     score = 0
-    for c in range(n_local):
+    for c in range(padded(n_local)):
         r = nx * local[0, c] + ny * local[1, c] + nz * local[2, c]
         score += int(r * r <= near) + int(r * r <= half)
     return score
@@ -227,7 +239,7 @@ def trimmed_residuals(
     """
     k = neighbours.shape[1]
     pairs = list_pairs(k, turns)
-    local, values, order = np.empty((3, k + 1)), np.empty(k + 1), np.empty(k + 1)
+    local, values, order = np.empty((3, k + WIDTH)), np.empty(k + 1), np.empty(k + 1)
     planes, fit = np.empty((4, turns)), Fit(np.empty(MOMENTS), np.empty(4), np.empty(3))
     for s in range(len(points)):
         n_local = local_points(xyz, points[s], neighbours, s, local)
@@ -308,7 +320,7 @@ def try_turns(
 class Room(NamedTuple):
     """Scratch for robust normals."""
 
-    local: Floats  # (3, size + 1) points relative to one of them
+    local: Floats  # (3, size + WIDTH) points relative to one of them
     values: Floats  # (size + 1,) their distances from a plane
     wide: Ints32  # (1, size) their numbers
     stamp: Ints32  # (n,) of points that are listed
@@ -369,7 +381,7 @@ def robust_normals(
     there is none. `variance` gets the variance across the plane.
     """
     room = Room(
-        np.empty((3, size + 1)),
+        np.empty((3, size + WIDTH)),
         np.empty(size + 1),
         np.empty((1, size), np.int32),
         np.full(len(xyz), -1, np.int32),
