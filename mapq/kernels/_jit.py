@@ -19,6 +19,8 @@ FLAGS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "cache": True, "
 ``fastmath`` stays off: it would drop the nan and inf that the predicates rely on, and change results with the CPU.
 """
 PART_FLAGS: dict[str, Any] = {**FLAGS, "cache": False, "no_cpython_wrapper": True, "pipeline_class": PartCompiler}
+CORE_FLAGS: dict[str, Any] = {**PART_FLAGS, "_nrt": False}
+"""``_nrt`` off leaves reference counts out, as in prf."""
 
 Floats = NDArray[np.float64]
 Floats32 = NDArray[np.float32]
@@ -55,5 +57,5 @@ def core(function: _Function) -> _Function:
 
     Counting takes an atomic instruction for each array, and each row of one, that a loop names.
     """
-    compiled: _Function = numba.njit(**PART_FLAGS, _nrt=False)(function)
+    compiled: _Function = numba.njit(**CORE_FLAGS)(function)
     return share_integers(compiled)

@@ -106,18 +106,18 @@ def gather(xyz: Floats, found: Candidates, n_runs: int, low: int) -> int:
 
     Unsigned numbers of places, here and below, as signed ones could count from the end, which takes time to tell.
     """
-    near, total, place = found.near, np.uint64(0), 0
+    near, total, place = found.near, 0, 0
     for run in range(n_runs):
         begin, end = found.runs[run, 0], found.runs[run, 1]
         if begin <= low < end:
-            place = np.int64(total) + low - begin
+            place = total + low - begin
         for j in range(begin, end):
-            point = np.uint64(j)
-            near[0, total], near[1, total], near[2, total] = xyz[point, 0], xyz[point, 1], xyz[point, 2]
-            found.number[total] = j
-            total += np.uint64(1)
-    for c in range(np.int64(total), padded(np.int64(total))):
-        near[0, c] = near[1, c] = near[2, c] = np.inf
+            point, c = np.uint64(j), np.uint64(total)
+            near[0, c], near[1, c], near[2, c] = xyz[point, 0], xyz[point, 1], xyz[point, 2]
+            found.number[c] = j
+            total += 1
+    for after in range(total, padded(total)):
+        near[0, after] = near[1, after] = near[2, after] = np.inf
     return place
 
 
@@ -142,18 +142,18 @@ def insert(best: Floats, index: Ints, n_best: int, d2: float, j: int) -> int:
 @core
 def list_within(key: Ints32, total: int, bound: int, listed: Ints32) -> int:
     """List the keys up to a bound, without a branch; return how many."""
-    n_near, end = np.uint64(0), np.uint32(bound + 1)
+    n_near, end = 0, np.uint32(bound + 1)
     for c in range(total):
-        listed[n_near] = key[c]
-        n_near += np.uint64(np.uint32(key[c]) < end)
-    return np.int64(n_near)
+        listed[np.uint64(n_near)] = key[c]
+        n_near += int(np.uint32(key[c]) < end)
+    return n_near
 
 
 @core
 def key_of(found: Candidates, squared: float) -> int:
     """Return the largest key that a squared distance may have."""
     found.rounded[PLACES - 1] = squared
-    return np.int64(found.key[PLACES - 1]) | (PLACES - 1)
+    return int(found.key[PLACES - 1]) | (PLACES - 1)
 
 
 @core
@@ -204,7 +204,7 @@ def rank_nearest(
     if n_near <= k and guess < bound:
         n_near = list_within(key, total, key_of(found, bound), listed)
     if n_near > max(FEW, 2 * k):
-        n_near = list_within(key, total, np.int64(select(listed, n_near, k)) | (PLACES - 1), listed)
+        n_near = list_within(key, total, int(select(listed, n_near, k)) | (PLACES - 1), listed)
     sort_keys(listed, n_near, key)
     ordered, who, last = found.ordered, found.who, -np.inf
     for s in range(n_near):

@@ -75,7 +75,7 @@ def local_points(xyz: Floats, i: int, neighbours: Ints32, row: int, local: Float
         for axis in range(3):
             local[axis, n_local] = xyz[j, axis] - xyz[i, axis]
         n_local += 1
-    local[:, n_local : padded(n_local)] = np.inf
+    local[:, n_local : padded(n_local)] = np.nan
     return n_local
 
 

@@ -1,12 +1,15 @@
 """Order statistics: what percentiles need, without sorting."""
 
+from typing import Any
+
 import numpy as np
+from numpy.typing import NDArray
 
 from mapq.kernels._jit import Floats, Ints, core, jit
 
 
 @core
-def part_by(values: Floats, low: int, high: int, pivot: float, keeps_equal: bool) -> int:
+def part_by(values: NDArray[Any], low: int, high: int, pivot: float, keeps_equal: bool) -> int:
     """Move what is below a pivot, or equal to it too, to the front of ``values[low:high]``; return where that ends.
 
     Without a branch, which would be guessed wrong for every second value.
@@ -21,7 +24,7 @@ def part_by(values: Floats, low: int, high: int, pivot: float, keeps_equal: bool
 
 
 @core
-def select(values: Floats, n: int, k: int) -> float:
+def select(values: NDArray[Any], n: int, k: int) -> float:
     """Value of rank k (from 0) among the first n (Hoare 1961); reorders them so that none before rank k is larger."""
     low, high = 0, n
     while high - low > 1:

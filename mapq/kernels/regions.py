@@ -199,8 +199,7 @@ def walk_regions(
     for r in range(n_regions):
         missing = start[r + 1] - start[r]
         steps = MOST_STEPS * missing
-        for place in range(start[r], start[r + 1]):
-            first = members[place]
+        for first in members[start[r] : start[r + 1]]:
             if seen[first] == r:
                 continue
             seen[first] = r
