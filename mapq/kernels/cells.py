@@ -7,10 +7,12 @@ every size of cell at once. The root is a cube; level 0 is the root, and each le
 import numpy as np
 from numpy.typing import NDArray
 
-from mapq.kernels._jit import Codes, Floats, Ints, core, jit
+from mapq.kernels._jit import Codes, Floats, Ints, Ints32, core, jit
 
 LEVELS = 21
 """Of the finest cells: three times 21 bits fit into one number."""
+DIGIT = 11
+"""Bits of a number by which it is sorted at a time."""
 
 
 @core
@@ -59,6 +61,31 @@ def number_cells(xyz: Floats, low: Floats, side: float) -> Codes:
             number = (number << np.uint64(1)) | spread_bits(min(max(index, 0), n_cells - 1))
         code[i] = number
     return code
+
+
+@jit
+def sort_codes(code: Codes) -> tuple[Codes, Ints32]:
+    """Return numbers (n,) in ascending order and the place that each had, of equal ones in their order (radix sort)."""
+    n, n_digits, mask = len(code), (3 * LEVELS + DIGIT - 1) // DIGIT, np.uint64((1 << DIGIT) - 1)
+    start = np.zeros((n_digits, 1 << DIGIT), np.int64)
+    for i in range(n):
+        for digit in range(n_digits):
+            start[digit, (code[i] >> np.uint64(DIGIT * digit)) & mask] += 1
+    order, moved_order = np.arange(n).astype(np.int32), np.empty(n, np.int32)
+    ordered, moved = code.copy(), np.empty_like(code)
+    for digit in range(n_digits):
+        first, total = start[digit], 0
+        if first.max() == n:
+            continue
+        for value in range(len(first)):
+            total, first[value] = total + first[value], total
+        for i in range(n):
+            value = (ordered[i] >> np.uint64(DIGIT * digit)) & mask
+            at = np.uint64(first[value])
+            first[value] += 1
+            moved[at], moved_order[at] = ordered[i], order[i]
+        ordered, moved, order, moved_order = moved, ordered, moved_order, order
+    return ordered, order
 
 
 @jit

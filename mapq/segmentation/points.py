@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapq.cloud import PointCloud
-from mapq.kernels.cells import LEVELS, find_bounds, first_levels, number_cells
+from mapq.kernels.cells import LEVELS, find_bounds, first_levels, number_cells, sort_codes
 from mapq.kernels.neighbours import find_neighbours
 from mapq.kernels.normals import estimate_normals, trimmed_residuals
 
@@ -74,8 +74,8 @@ def _sorted(cloud: PointCloud, kept: NDArray[np.int64], finite: NDArray[np.bool_
 def sort_in_frame(xyz: NDArray[np.float64], frame: NDArray[np.float64]) -> Points:
     """Return the distinct ones of finite points (n, 3) in the canonical order of an octree with a given frame (4,)."""
     code = number_cells(xyz, frame[:3].copy(), float(frame[3]))
-    order = _order(xyz, code)
-    ordered, code = xyz.take(order, axis=0), code[order]
+    code, order = _order(xyz, code)
+    ordered = xyz.take(order, axis=0)
     new = np.ones(len(code), bool)
     new[1:] = code[1:] != code[:-1]
     tied = np.flatnonzero(~new)
@@ -107,16 +107,15 @@ def _far(xyz: NDArray[np.float64], finite: NDArray[np.bool_]) -> NDArray[np.bool
         return np.asarray(((xyz < low - reach) | (xyz > high + reach)).any(axis=1))
 
 
-def _order(xyz: NDArray[np.float64], code: NDArray[np.uint64]) -> NDArray[np.int64]:
-    """Return the order (n,) by code, then by coordinates."""
-    order = np.argsort(code)
+def _order(xyz: NDArray[np.float64], code: NDArray[np.uint64]) -> tuple[NDArray[np.uint64], NDArray[np.int32]]:
+    """Return codes (n,) in ascending order, and the order by code, then by coordinates."""
+    ahead, order = sort_codes(code)
     equal = np.zeros(len(code) + 1, bool)
-    ahead = code[order]
     equal[1:-1] = ahead[1:] == ahead[:-1]
     tied = np.flatnonzero(equal[1:] | equal[:-1])
     among = order[tied]
     order[tied] = among[np.lexsort((*xyz[among].T[::-1], code[among]))]
-    return order
+    return ahead, order
 
 
 SAMPLE = 3000
