@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mapq.cloud import PointCloud
-from mapq.kernels.cells import LEVELS, first_levels, number_cells, pick_one_a_cell
+from mapq.kernels.cells import LEVELS, first_levels, number_cells, pick_one_a_cell, sort_codes
 from mapq.kernels.growing import pair_rms
 from mapq.kernels.normals import estimate_normals, robust_normals, trimmed_residuals
 from mapq.kernels.order_statistics import quantiles
@@ -35,6 +35,14 @@ def test_first_levels_count_the_cells_of_every_level() -> None:
         n_cells = len(np.unique(code >> np.uint64(3 * (LEVELS - level))))
         assert np.count_nonzero(first <= level) == n_cells
     assert np.count_nonzero(first > LEVELS) == len(code)
+
+
+@pytest.mark.parametrize("bits", [3, 30, 63])
+def test_codes_are_sorted_and_equal_ones_stay_in_their_order(bits: int) -> None:
+    code = RNG.integers(0, 1 << bits, 3000).astype(np.uint64)
+    ordered, order = sort_codes(code)
+    np.testing.assert_array_equal(order, np.argsort(code, kind="stable"))
+    np.testing.assert_array_equal(ordered, code[order])
 
 
 def test_one_point_a_cell_and_not_always_the_first() -> None:
@@ -77,6 +85,7 @@ CLOUDS = {
     "fewer than k": NEIGHBOURS_RNG.normal(0, 1, (6, 3)),
     "one": np.zeros((1, 3)),
     "two far apart": np.array([[0.0, 0, 0], [1e6, 0, 0]]),
+    "nearly equal distances": NEIGHBOURS_RNG.integers(0, 8, (900, 3)) + NEIGHBOURS_RNG.normal(0, 1e-9, (900, 3)),
     "dense clump and sparse rest": np.vstack(
         [NEIGHBOURS_RNG.normal(0, 1e-6, (1200, 3)), NEIGHBOURS_RNG.uniform(-5, 5, (300, 3))]
     ),
