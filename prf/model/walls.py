@@ -21,19 +21,18 @@ from prf.kernels.walls.law import ALIKE, THICKEST, THINNEST, UNCOMMON
 from prf.kernels.walls.shape import number_walls
 from prf.kernels.walls.step import run_walls
 from prf.kernels.walls.table import MOST_WALLS, N_ROW, N_WALL_COUNTS, Walls
-from prf.model.coloring import Coloring, from_polygons
+from prf.model.coloring import Coloring, from_polygons, outline_of_rectangles
 from prf.model.layout import make_graph
 from prf.model.orientation import MEAN_STRENGTH, Orientation
 from prf.model.ranges import FIRST_LEVEL
 from prf.model.window import INTERIOR, Window
-from prf.shell.errors import InputError
 
 Floats = NDArray[np.float64]
 
 SPREAD = 0.5
 """Standard deviation of the logarithm of a common value of the thickness."""
-THINNED = (0.0, 1e-7, 1e-6, 1e-5)
-"""Shares of the thickness."""
+GROWN = 1e-6
+"""Metres by which walls are grown, each a little differently, where rounding would decide what lies within what."""
 FIRST_OF_WALLS = 1_000
 """Beams at least that are evaluated at first, where there are further stages."""
 NEAR_SQUARES = 5
@@ -173,18 +172,22 @@ def walls_of(rectangles: Coloring) -> Floats:
 def united(rectangles: Coloring) -> Coloring:
     """Return the map that is black where a wall is.
 
-    A region that touches itself in a point is no valid map: then all walls are thinned, by less than a file shows.
+    Walls that touch in a line or a point are grown first, by less than a file shows.
     """
     walls = walls_of(rectangles)
-    if len(walls) == 0:
-        return Coloring.empty(rectangles.window)
-    for thinned in THINNED:
-        shapes = shapely.polygons(corners_of(walls * [1.0, 1.0, 1.0, 1.0, 1.0 - thinned]))
-        try:
-            return from_polygons(shapely.MultiPolygon(list(shapes)), rectangles.window)
-        except InputError as error:
-            fault = error
-    raise fault
+    for grown in (0.0, 1.0, 2.0, 4.0):
+        found = outline_of_rectangles(corners_of(_grown(walls, grown * GROWN)), rectangles.window)
+        if found is not None:
+            return found
+    return from_polygons(shapely.MultiPolygon(list(shapely.polygons(corners_of(walls)))), rectangles.window)
+
+
+def _grown(walls: Floats, by: float) -> Floats:
+    """Return walls longer and thicker by one to two times `by` metres, no two of them by the same."""
+    by_each = by * (1.0 + np.arange(len(walls)) * 0.5 * (math.sqrt(5.0) - 1.0) % 1.0)
+    a, b = walls[:, :2], walls[:, 2:4]
+    ahead = by_each[:, None] * (b - a) / np.hypot(*(b - a).T)[:, None]
+    return np.column_stack([a - ahead, b + ahead, walls[:, 4] + by_each])
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

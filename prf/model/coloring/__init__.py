@@ -3,6 +3,7 @@
 from prf.model.coloring.geojson import feature_lines, from_feature, read_geojsonl, to_feature
 from prf.model.coloring.graph import Coloring, Draws, black_areas, black_at, black_at_draws, count_black
 from prf.model.coloring.polygons import check, from_polygons, occupied_polygons, oriented_polygons, violations
+from prf.model.coloring.rectangles import outline_of_rectangles
 
 __all__ = [
     "Coloring",
@@ -17,6 +18,7 @@ __all__ = [
     "from_polygons",
     "occupied_polygons",
     "oriented_polygons",
+    "outline_of_rectangles",
     "read_geojsonl",
     "to_feature",
     "violations",
