@@ -24,6 +24,7 @@ from prf.shell.errors import InputError, UsageError
 RESOLUTION = 0.05  # metres a cell: what maps for navigation mostly have
 MAX_CELLS = 25_000_000
 WALL = 0.5  # metres beyond seen cells up to which polygons of occupied ground are kept: walls are seen from one side
+SMALL_ROBOT = 0.2  # metres; radius of a disc for which free cells shall be open
 SEAM = 1e-6  # metres by which known ground is enlarged: parts of it that touch at a corner grow together
 
 
@@ -131,6 +132,23 @@ def share_of_draws(draws: Draws, resolution: float, radius: float = 0.0) -> Rast
     count = count_black(draws, grid, radius)
     share = np.where(draws.window.contains(pixel_centres(grid)), count / len(draws), np.nan)
     return Raster(share.reshape(grid.ny, grid.nx), np.array([grid.x0, grid.y0]), resolution)
+
+
+def closed_though_free(cells: Raster, run: RunData, free: float, occupied: float) -> float:
+    """Return the square metres of free cells round which a small robot meets something all the same.
+
+    There the disc of `SMALL_ROBOT` is not white in more than `occupied` of the draws, but a wall that lies elsewhere in
+    each of them leaves every cell of it at `occupied` or less.
+    """
+    probability = cells.probability
+    if np.nanmax(probability, initial=0.0) > occupied:
+        away = ndimage.distance_transform_edt(~(probability > occupied), sampling=cells.resolution)
+    else:
+        away = np.full(probability.shape, np.inf)
+    blocked = share_of_draws(run.draws, cells.resolution, SMALL_ROBOT).probability > occupied
+    return float(
+        np.count_nonzero(blocked & (away > SMALL_ROBOT + cells.resolution) & (probability < free)) * cells.resolution**2
+    )
 
 
 def only_known(cells: Raster, image: PosteriorImage | None, extrapolate: float) -> Raster:

@@ -13,11 +13,11 @@ import shapely
 from shapely import MultiPolygon
 
 from prf.model.coloring import oriented_polygons
-from prf.output.export.cells import cells_of, cut_to_known, returned
+from prf.output.export.cells import SMALL_ROBOT, cells_of, closed_though_free, cut_to_known, returned
 from prf.output.export.drawings import dxf_text, paper_ratio, plan_dxf, svg_text
 from prf.output.export.netcdf import netcdf_bytes
 from prf.output.export.outlines import SIMPLIFIED, outlines, simplified
-from prf.output.export.ros import MODES, Mode, nav2_parameters, ros_map
+from prf.output.export.ros import FREE_THRESHOLD, MODES, OCCUPIED_THRESHOLD, Mode, nav2_parameters, ros_map
 from prf.output.export.source import Source, g2o_text, read_source, require_existing, stem_of, trajectory_of, tum_text
 from prf.results import map_text
 from prf.results.plan import plan_text
@@ -38,6 +38,8 @@ SUFFIXES = {
 """Suffixes of an output that name its format; the first one is that of an output without a name."""
 AGREED = 0.99
 """Share of the seen ground on which chains agree, below which an export warns."""
+LEAST_CLOSED = 1.0
+"""Square metres of free cells that are closed to a small robot, above which it warns."""
 
 
 @dataclass(frozen=True)
@@ -194,6 +196,11 @@ def notes_on(source: Source, facts: Mapping[str, Any]) -> list[str]:
     found = None if run is None or run.image is None else run.image.agreement()
     if found is not None and found.seen < AGREED:
         notes.append(f"{found.words()}. Sample longer before you rely on it there: prf sample --resume {source.path}")
+    if facts.get("free_but_closed_m2", 0.0) > LEAST_CLOSED:
+        closed = (
+            f"{facts['free_but_closed_m2']:.1f} m2 that this map calls free are closed to a disc of {SMALL_ROBOT} m"
+        )
+        notes.append(f"{closed}: walls there lie elsewhere in every draw. For a robot of any size: --radius METRES")
     return notes
 
 
@@ -275,6 +282,9 @@ def _ros_map(
     what = "p_return" if options.returns else "p_not_free" if radius else "p_occupied"
     facts = {"probability": what, "mode": options.mode, "n_columns": n_columns, "n_rows": n_rows}
     facts |= {"resolution": cells.resolution, **counts}
+    if what == "p_occupied" and options.mode == "trinary" and source.run is not None and options.draw is None:
+        free, occupied = options.unknown or (FREE_THRESHOLD, OCCUPIED_THRESHOLD)
+        facts["free_but_closed_m2"] = closed_though_free(cells, source.run, free, occupied)
     return (yaml, image, nav2_parameters(yaml_file, options.mode, is_mask, radius)), facts
 
 

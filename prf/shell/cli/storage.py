@@ -207,10 +207,16 @@ def describe_process(inputs: Iterable[str | os.PathLike[str]] = ()) -> dict[str,
     return {
         "versions": versions(),
         "platform": {"system": platform.system(), "machine": platform.machine(), "cores": os.cpu_count()},
-        "command": [os.path.basename(sys.argv[0]), *sys.argv[1:]],
+        "command": [*_program(), *sys.argv[1:]],
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
         "inputs": [describe_input(path) for path in inputs],
     }
+
+
+def _program() -> list[str]:
+    """Return how this program was called: by its name, or as a module of Python."""
+    folder, name = os.path.split(sys.argv[0])
+    return ["python", "-m", os.path.basename(folder)] if name == "__main__.py" else [name]
 
 
 def resolve_seed(seed: int | None) -> int:

@@ -7,10 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import shapely
 from matplotlib.image import imread
 from scipy import ndimage
 
-from prf.model.coloring import black_at
+from prf.model.coloring import Draws, black_at, from_polygons
 from prf.model.layout import image_grid, pixel_centres
 from prf.model.window import Window
 from prf.output.export import Options, export_source
@@ -336,3 +337,25 @@ def test_what_a_ros_map_cannot_be_made_from(folder: Path, tmp_path: Path) -> Non
     with pytest.raises(InputError, match=r"posterior\.npz: no such file"):
         export_source(tmp_path / "early", str(tmp_path / "a.yaml"), Options(format="ros-map"))
     assert {path.name for path in tmp_path.iterdir()} == {"blind", "early"}
+
+
+def test_a_wall_that_lies_elsewhere_in_every_draw_is_told_of(tmp_path: Path) -> None:
+    window = Window(0.0, 0.0, 4.0, 3.0)
+    walls = [shapely.box(2.0 + 0.06 * k, 0.2, 2.05 + 0.06 * k, 2.8) for k in range(6)]
+    for name, places in (("blurred", walls), ("sharp", walls[:1] * 6)):
+        run = make_run(n_draws=len(places), window=window)
+        draws = Draws.from_colorings([from_polygons(place, window) for place in places])
+        everywhere = run.image._replace(seen=np.ones_like(run.image.seen))
+        write_run(tmp_path / name, dataclasses.replace(run, draws=draws, image=everywhere))
+        done = export_source(
+            tmp_path / name, str(tmp_path / f"{name}.yaml"), Options(format="ros-map", resolution=0.05)
+        )
+        closed = done.facts["free_but_closed_m2"]
+        data = map_server.load(tmp_path / f"{name}.yaml").data
+        is_open = ndimage.label(data == 0)[0][data.shape[0] // 2][[10, -10]]
+        if name == "sharp":
+            assert closed == 0.0
+        else:
+            assert is_open[0] == is_open[1] > 0, "cell by cell one walks through"
+            assert 0.2 * 2.6 < closed < 0.7 * 2.6
+            assert any("closed to a disc of 0.2 m" in note for note in done.notes) == (closed > 1.0)
