@@ -142,7 +142,8 @@ def with_trees(
     """Return the maps with the evidence of trees that did not see the fold of a patch, their folds, and the trees.
 
     Trees overfit their own training patches, and the field would trust them too much. Each map
-    whose scans are known counts twice, the second time as if they were not: most maps are of that kind.
+    whose scans are known counts twice, the second time as if they were not: most maps are of that kind. What points
+    alone do not tell surely they tell in part, so trees learn from it; field and calibration do not.
     """
     bare = [without_scans(each) for each in columns]
     twice = [
@@ -152,26 +153,24 @@ def with_trees(
     ]
     sources = [*maps, *(maps[number].of_points_alone() for number in twice)]
     seen = [*columns, *(bare[number] for number in twice)]
-    labels = [signs(each.label) for each in sources]
-    masks = [
-        [
-            hidden & (each.label != UNLABELLED)
-            for hidden, each in zip([*fold, *(fold[n] for n in twice)], sources, strict=True)
-        ]
-        for fold in folds
-    ]
+    labels = [signs(maps[number].label) for number in (*range(len(maps)), *twice)]
+    left_out = [[*fold, *(fold[number] for number in twice)] for fold in folds]
     weights = patch_weights(labels, settings.class_weight == "balanced")
     potential = grow(seen, labels, weights)
     evidence = [evidence_of(each, potential) for each in seen]
-    for mask in masks:
-        visible = [np.where(hidden, 0.0, label) for hidden, label in zip(mask, labels, strict=True)]
+    for hidden_ones in left_out:
+        visible = [np.where(hidden, 0.0, label) for hidden, label in zip(hidden_ones, labels, strict=True)]
         outside = grow(seen, visible, weights)
-        for found, hidden, each in zip(evidence, mask, seen, strict=True):
+        for found, hidden, each in zip(evidence, hidden_ones, seen, strict=True):
             if hidden.any():
                 found[hidden] = evidence_of(each, outside)[hidden]
     features = [
         each._replace(features=add_evidence(each.features, found))
         for each, found in zip(sources, evidence, strict=True)
+    ]
+    masks = [
+        [hidden & (each.label != UNLABELLED) for hidden, each in zip(hidden_ones, sources, strict=True)]
+        for hidden_ones in left_out
     ]
     return features, masks, potential
 

@@ -92,6 +92,8 @@ def test_maps_with_scans_count_twice_the_second_time_without():
     assert (alone.label[:30] == UNLABELLED).all()
     np.testing.assert_array_equal(alone.label[30:], maps[0].label[30:])
     assert not any(mask[2][:30].any() for mask in parted)
+    # Trees learn from them all the same.
+    np.testing.assert_array_equal(alone.features.node[:, -1], sources[2].features.node[:, -1])
     # The patches that no fold left out are judged by the trees of all.
     bare = without_scans(columns_of(maps[0].features))
     folds = [[np.zeros(150, bool)] * 2]
