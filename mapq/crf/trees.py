@@ -43,8 +43,11 @@ IN_TOLERANCES = {
 OFFSET_RATIO = "over_offset_ratio"
 """Distance in tolerances of the patch of the worst overlap."""
 MOST_SURE = 10.0
-DECISIVE = 6.0
-"""Nats of evidence at least, where the lower bound of what scans disagree by is above the tolerance."""
+DECISIVE = 2.0
+"""Nats of evidence at least, where the lower bound of what scans disagree by is above the tolerance.
+
+Of such patches 89 of 100 (training cities, 0.8 m) to 99 (training worlds) are wrong; a larger floor would put the few
+that are not above others whose disagreement is larger."""
 RISING = {
     TOLERANCE: -1,
     **dict.fromkeys((SURELY, OFFSET_RATIO, *IN_TOLERANCES), 1),
