@@ -53,14 +53,29 @@ OF_SCANS = {"poses", "calibration", "pattern", "every", "submaps"}
 
 
 def are_scans(inputs: Sequence[str], settings: Loaded[Configuration]) -> bool:
-    """Return whether inputs are scans: by flags, several files, or a folder of neither tiles of a map nor a bag."""
+    """Return whether inputs are scans: by flags, several files, or a folder of neither tiles of a map nor a bag.
+
+    So is an E57 of several scans, unless the command line asks for tiles.
+    """
     if len(inputs) > 1 or OF_SCANS & set(typed_keys(settings, "scans")):
         return True
     if not os.path.isdir(inputs[0]):
-        return False
+        from mapq.posed.files import E57_SUFFIX
+
+        is_e57 = inputs[0].lower().endswith(E57_SUFFIX) and not typed_keys(settings, "tiles")
+        return is_e57 and _holds_scans(inputs[0])
     from mapq.io.tiles import is_tiled
 
     return not (is_tiled(inputs[0]) or any(each.suffix in BAG_FILES for each in Path(inputs[0]).iterdir()))
+
+
+def _holds_scans(path: str) -> bool:
+    """Return whether a file called E57 is one, and holds scans from several places."""
+    from mapq.io.clouds import recognise
+    from mapq.io.content import Content
+    from mapq.posed.find import find_scans
+
+    return recognise(Content(path)) == "e57" and find_scans([path]).are_apart
 
 
 def cloud_options(file: str, settings: Loaded[Configuration]) -> ReadOptions:

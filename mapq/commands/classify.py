@@ -102,7 +102,7 @@ def classify(
 
     Scans are merged where their poses put them, and the result knows which scan saw what and from where, by which far
     more errors are found. It names scans that the others want elsewhere, and of poses in g2o the edges that are wrong.
-    E57, PTX, bags, and PCD with VIEWPOINT have poses of their own.
+    E57, PTX, bags, and PCD with VIEWPOINT have poses of their own; an E57 of several scans is checked scan by scan.
 
     A folder of LAS or LAZ tiles, or any cloud with one of --workers, --scheduler and --tile-points, is worked on tile
     by tile and need not fit into memory. The result of a folder is a folder: tiles of the same names, and result.json.

@@ -83,10 +83,15 @@ def e57_poses(file: Any, source: str) -> NDArray[np.float64]:
     return poses
 
 
-def read_e57_scan(file: Any, scan: int, source: str) -> PointCloud:
-    """Return a scan in its own frame."""
+def has_points(file: Any, scan: int) -> bool:
+    """Return whether a scan has points, be they valid or not."""
+    return int(file.get_header(scan).point_count) > 0
+
+
+def read_e57_scan(file: Any, scan: int, source: str, unit: float = 1.0) -> PointCloud:
+    """Return a scan in its own frame; `unit`: metres in that of the file."""
     points, fields = _scan_columns(file, scan, source)
-    return cloud_of_world(points, fields, f"{source} scan {scan}")
+    return cloud_of_world(points, fields, f"{source} scan {scan}", unit)
 
 
 def _scan_columns(file: Any, scan: int, source: str) -> tuple[NDArray[np.float64], dict[str, Array]]:

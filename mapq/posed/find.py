@@ -13,7 +13,7 @@ from mapq.cloud import PointCloud
 from mapq.configuration import AS_IT_IS, FindSettings, ReadOptions
 from mapq.io.clouds import parse_cloud, recognise
 from mapq.io.content import Content, suffix_of
-from mapq.io.e57 import e57_poses, open_e57, read_e57_scan
+from mapq.io.e57 import e57_poses, has_points, open_e57, read_e57_scan
 from mapq.io.pcd import read_viewpoint
 from mapq.io.ptx import ptx_pose, read_ptx_scan
 from mapq.io.uos import read_uos_pose
@@ -46,7 +46,7 @@ def find_scans(
         One folder, one E57 file, or the files of the scans.
     settings : FindSettings
     options : ReadOptions
-        How to read a scan; E57 states all of it.
+        How to read a scan; of E57 the unit is that of its poses too.
 
     Raises
     ------
@@ -61,9 +61,7 @@ def find_scans(
     if E57_SUFFIX in kinds:
         if settings.calibration not in (None, NO_CALIBRATION):
             raise InputError(f"{files[0]}: a calibration is not for E57, which has its poses. Leave out --calibration.")
-        if options.unit is not None:
-            raise InputError(f"{files[0]}: E57 is in metres, as its poses are. Leave out cloud.unit.")
-        scans = _e57_scans(files)
+        scans = _e57_scans(files, options.unit or 1.0)
         return scans if settings.poses is None else replace_poses(scans, settings.poses, settings)
     path = settings.poses or (None if kinds == {UOS_SUFFIX} else pose_file(files))
     if path is None:
@@ -206,20 +204,23 @@ def _listed(
     return PosedScans(tuple(files), poses, times, load, np.arange(len(files)), str(Path(files[0]).parent), poses_from)
 
 
-def _e57_scans(files: Sequence[str]) -> PosedScans:
-    """Return the scans of E57 files, one file after the other."""
+def _e57_scans(files: Sequence[str], unit: float) -> PosedScans:
+    """Return the scans of E57 files that have points, file after file; `unit`: metres in that of points and poses."""
     strange = [path for path in files if suffix_of(path) != E57_SUFFIX]
     if strange:
         raise InputError(f"{strange[0]}: not E57, beside files that are. Give scans of one kind.")
     opened = [open_e57(path, path) for path in files]
     tables = [e57_poses(file, path) for file, path in zip(opened, files, strict=True)]
-    places = [(number, scan) for number, table in enumerate(tables) for scan in range(len(table))]
+    places = [(n, scan) for n, file in enumerate(opened) for scan in range(len(tables[n])) if has_points(file, scan)]
+    if not places:
+        raise InputError(f"{files[0]}: no scan in it has points. Check how the file was written.")
     names = tuple(f"{files[number]} scan {scan}" for number, scan in places)
-    poses = np.concatenate(tables)
+    poses = np.array([tables[number][scan] for number, scan in places])
     check_rotations(poses[:, :3, :3], names)
+    poses[:, :3, 3] *= unit
 
     def load(number: int) -> PointCloud:
         file, scan = places[number]
-        return read_e57_scan(opened[file], scan, files[file])
+        return read_e57_scan(opened[file], scan, files[file], unit)
 
     return PosedScans(names, poses, None, load, np.arange(len(names)), files[0])

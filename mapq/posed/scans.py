@@ -51,6 +51,11 @@ class PosedScans:
         """Return the number of scans."""
         return len(self.names)
 
+    @property
+    def are_apart(self) -> bool:
+        """Whether the scans were taken from several places; where no poses are known all are at the origin."""
+        return bool(np.ptp(self.poses[:, :3, 3], axis=0).any())
+
     def read(self, scan: int) -> PointCloud:
         """Return the cloud of a scan in its own frame."""
         return self.load(int(self.numbers[scan]))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -117,6 +118,40 @@ def test_segment_takes_scans_too(tmp_path, capsys, monkeypatch) -> None:
     code, out, _ = call(capsys, "inspect", "scans.patches")
     assert code == 0
     assert "scan  int32  0 to 1" in out
+
+
+def test_an_e57_of_several_scans_is_checked_scan_by_scan(tmp_path, capsys, monkeypatch) -> None:
+    """As a folder with it is; tiles that are asked for, and scans of which no poses are known, are one cloud."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "folder").mkdir()
+    write_e57(tmp_path / "drive.e57", SCANS, POSES)
+    write_e57(tmp_path / "folder" / "drive.e57", SCANS, POSES)
+    heads = [json.loads(call(capsys, "classify", name, "--json")[1]) for name in ("drive.e57", "folder")]
+    found = [[{**row, "file": Path(row["file"]).name} for row in head["scans"]] for head in heads]
+    assert len(found[0]) == 4
+    assert found[0] == found[1]
+    assert heads[0]["output"] == "drive.classified.ply"
+    feet = json.loads(call(capsys, "classify", "drive.e57", "--json", "--unit", "2", "-o", "large.ply")[1])
+    assert feet["counts"]["area_m2"] == pytest.approx(4.0 * heads[0]["counts"]["area_m2"], rel=0.3)
+    assert len(feet["scans"]) == 4
+    assert call(capsys, "segment", "drive.e57", "-q")[0] == 0
+    assert "pass_id" in call(capsys, "inspect", "drive.patches")[1]
+    write_e57(tmp_path / "placed.e57", PLACED, [np.eye(4)] * 4)
+    for name, *more in (("drive.e57", "--workers", 1, "--force"), ("placed.e57",)):
+        code, out, err = call(capsys, "classify", name, "--json", *more)
+        assert (code, json.loads(out)["scans"]) == (0, []), err
+
+
+def test_an_e57_that_cannot_be_opened_is_one_line(tmp_path, capsys, monkeypatch) -> None:
+    pytest.importorskip("pye57")
+    monkeypatch.chdir(tmp_path)
+    Path("map.e57").write_bytes(b"ASTM-E57")
+    for name, words in (("none.e57", "no such file"), ("map.e57", "cannot be opened as E57")):
+        code, _, err = call(capsys, "classify", name)
+        assert (code, err.count("\n"), words in err) == (3, 1, True), err
+    monkeypatch.setitem(sys.modules, "pye57", None)
+    code, _, err = call(capsys, "classify", "map.e57")
+    assert (code, err.count("\n"), "pip install" in err) == (2, 1, True), err
 
 
 def test_las_beside_poses_is_scans_where_poses_are_named_else_tiles(tmp_path, capsys, monkeypatch) -> None:

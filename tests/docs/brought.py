@@ -20,6 +20,7 @@ from prf.results import write_run
 from tests.conftest import ROOT
 from tests.factories import make_room_run, make_run
 from tests.mapq.labelled import draw_patches
+from tests.mapq.posed.test_find import write_e57
 from tests.readings.bags import Maker, Note, yaw
 from tests.readings.samples import player_laser, position
 
@@ -206,17 +207,32 @@ STOPS = (4.0, 18.0, 20.0, 34.0, 46.0, 48.0, 60.0)
 
 def make_scans(path: Path) -> None:
     """Write scans from a drive along those streets as KITTI lays them out, with right poses."""
+    (path / "velodyne").mkdir(parents=True)
+    for number, points in enumerate(_seen_from_stops()):
+        rows = np.column_stack([points, np.zeros(len(points))])
+        (path / "velodyne" / f"{number:06d}.bin").write_bytes(rows.astype("<f4").tobytes())
+    make_poses(path / "poses.txt")
+
+
+def make_stations(path: Path) -> None:
+    """Write these scans as an E57."""
+    poses = np.tile(np.eye(4), (len(STOPS), 1, 1))
+    poses[:, :3, 3] = [(x, 6.0, 1.0) for x in STOPS]
+    write_e57(path, _seen_from_stops(), poses)
+
+
+def _seen_from_stops() -> list[Floats]:
+    """Return what scans from those places see of the streets, each in its own frame."""
     rng = np.random.default_rng(5)
     cloud = _patches(1).cloud
     walls = np.repeat((cloud.xyz + cloud.shift)[cloud.fields["truth"] == 0], 3, axis=0)
     walls += rng.normal(0.0, 0.1, walls.shape) * [1.0, 0.0, 1.0]
-    (path / "velodyne").mkdir(parents=True)
-    for number, x in enumerate(STOPS):
+    scans = []
+    for x in STOPS:
         seen = walls - [x, 6.0, 1.0]
         seen = seen[(np.hypot(seen[:, 0], seen[:, 1]) < 10.0) & (rng.random(len(seen)) < 0.5)]
-        points = np.column_stack([seen + rng.normal(0.0, 0.01, seen.shape), np.zeros(len(seen))])
-        (path / "velodyne" / f"{number:06d}.bin").write_bytes(points.astype("<f4").tobytes())
-    make_poses(path / "poses.txt")
+        scans.append(seen + rng.normal(0.0, 0.01, seen.shape))
+    return scans
 
 
 def make_poses(path: Path) -> None:
@@ -266,6 +282,7 @@ MAKERS: tuple[tuple[str, Callable[[Path], None]], ...] = (
     (r".*\.classified\.(ply|laz|las)", make_result),
     (r".*\.classified/", make_tiled_result),
     (r"(?!data/).*\.(ply|laz|las|pcd)", make_cloud),
+    (r".*\.e57", make_stations),
     (r".*\.patches", make_patches),
     (r"(sequences/)?00|scans|drive/", make_scans),
     (r"pcd", make_scans),

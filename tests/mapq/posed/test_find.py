@@ -276,6 +276,10 @@ def test_e57_with_several_scans_and_their_poses(tmp_path):
         np.testing.assert_allclose(scans.poses, poses, atol=1e-9)
         np.testing.assert_allclose(scans.read(1).world(), points[1], atol=1e-4)
         assert scans.read(1).fields["intensity"].tolist() == [0.0, 1.0, 2.0, 3.0]
+    feet = find_scans([str(tmp_path / "two.e57")], options=ReadOptions(unit=0.3048))
+    np.testing.assert_allclose(feet.poses[:, :3, 3], 0.3048 * np.array(poses)[:, :3, 3], atol=1e-9)
+    scan = feet.read(1)
+    np.testing.assert_allclose(scan.metric_of(scan.xyz), 0.3048 * points[1], atol=1e-4)
     (tmp_path / "slam.txt").write_text("0 0 0 0 0 0 1\n5 0 0 0 0 0 1\n")
     assert find_scans([str(tmp_path / "two.e57")], FindSettings(poses=str(tmp_path / "slam.txt"))).poses[1, 0, 3] == 5.0
     with pytest.raises(InputError, match="Leave out --calibration"):
