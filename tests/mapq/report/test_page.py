@@ -14,7 +14,8 @@ from mapq.cloud import PointCloud
 from mapq.io import write_ply
 from mapq.report.drawing import read_picture
 from mapq.report.findings import read_findings
-from mapq.report.page import N_BINS, histogram, write_report
+from mapq.report.histogram import N_BINS, histogram
+from mapq.report.page import write_report
 from mapq.report.scene import build_scene, evenly, outlines
 from mapq.results.judged import read_judged
 from prf.shell.cli.page import script_sources, script_tags

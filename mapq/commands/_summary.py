@@ -1,0 +1,127 @@
+"""What `mapq classify` prints of a result for a person."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any
+
+from prf.shell.cli.console import is_verbose
+
+if TYPE_CHECKING:
+    from mapq.posed.check_poses import CheckedPoses
+    from mapq.results.reasons import Region
+    from mapq.results.result import Result
+
+N_POSES = 10
+"""Scans, and edges, that -v lists."""
+
+
+def summary_lines(result: Result, target: str, limits: Mapping[str, Any]) -> Iterator[str]:
+    """Yield the summary for a person, the verdict last; -v lists more regions, patches and reasons."""
+    n_regions, n_worst, n_reasons = (5, 10, 3) if is_verbose() else (3, 1, 2)
+    if result.regions:
+        shown = "" if len(result.regions) <= n_regions else f", the worst {n_regions}"
+        yield f"regions         {len(result.regions)} of connected suspicious patches{shown}:"
+    for number, region in enumerate(result.regions[:n_regions]):
+        yield f"  region {number:<5} {_region(result, region)}"
+    worst = result.worst(n_worst)
+    if worst:
+        yield "most certainly suspicious, with reasons (log-odds):"
+    for patch in worst:
+        yield from _patch_lines(result, patch, n_reasons)
+    areas = result.area_by_cause()
+    if result.visits is not None and any(areas.values()):
+        named = ", ".join(f"{name} {area / sum(areas.values()):.0%}" for name, area in areas.items() if area)
+        yield f"causes          {named} of the suspicious area"
+    if result.scans_apart == result.scans_apart:
+        apart = f"{result.scans_apart:.3f} m in the median, {result.disagreement:.3f} m in the mean"
+        yield f"scans disagree  {apart}, over the area that several saw"
+    yield from _pose_lines(result.poses)
+    yield f"judged          {_judged(result)}"
+    yield f"tolerance       {_tolerance(result, limits)}"
+    yield f"verdict         {_verdict(result, limits)}"
+    yield f"result          {target} and .json"
+
+
+def _pose_lines(found: CheckedPoses) -> Iterator[str]:
+    """Yield which scans and edges are wrong; -v lists more of either, whatever their probability."""
+    from mapq.posed.check_poses import WRONG
+
+    wrong = sum(scan.p_wrong > WRONG for scan in found.scans)
+    if found.scans:
+        yield f"scans           {wrong} of {len(found.scans)} probably displaced"
+    for scan in found.scans[: N_POSES if is_verbose() else min(wrong, 1)]:
+        shift = f"{scan.dx:+.2f} {scan.dy:+.2f} {scan.dz:+.2f} m ({scan.low:.2f} to {scan.high:.2f})"
+        turn = f"{math.degrees(scan.yaw):+.2f} deg"
+        yield f"  p {scan.p_wrong:.3f}  {scan.file} should move by {shift} and turn by {turn}"
+    if found.drift is not None:
+        value, low, high = (100.0 * part for part in found.drift[:3])
+        of = "metre driven" if found.drift.unit == "m/m" else "minute"
+        rise = f"{100.0 * found.drift.rise:+.2f} of it upwards"
+        yield f"drift           {value:.2f} cm a {of} ({low:.2f} to {high:.2f}), {rise}"
+    if found.edges:
+        yield f"edges           {len(found.wrong_rows)} of {len(found.edges)} probably wrong"
+    elif found.scans and is_verbose():
+        yield "edges           the poses have none"
+    for edge in found.edges[: N_POSES if is_verbose() else min(len(found.wrong_rows), 1)]:
+        off = "cannot be checked: its ends share no surface"
+        if edge.error_m is not None and edge.error_rad is not None:
+            off = f"is {edge.error_m:.2f} m and {math.degrees(edge.error_rad):.2f} deg off"
+        yield f"  p {edge.p_wrong:.3f}  from {edge.ids[0]} to {edge.ids[1]} {off}"
+
+
+def _judged(result: Result) -> str:
+    """Return how much of the surface could be judged."""
+    counts = result.counts
+    share = "a share that is not known" if counts["coverage"] != counts["coverage"] else f"{counts['coverage']:.1%}"
+    parts = [
+        f"{name} {each['area_m2']:.1f} m2, {each['share_of_area']:.1%} suspicious"
+        for name, each in counts["by_surface"].items()
+    ]
+    return f"{share} of the points on planes" + (": " if parts else "") + "; ".join(parts)
+
+
+def _tolerance(result: Result, limits: Mapping[str, Any]) -> str:
+    """Return the tolerance, what scans resolve, and how much of the area they do not decide at it."""
+    verdict, words = result.verdict(**limits), f"{result.tolerance:.2f} m"
+    if verdict["resolution_m"] != verdict["resolution_m"]:
+        return f"{words}; scans are not known, so copies are found by points alone"
+    left = f"leave {verdict['unresolved_share_of_area']:.1%} of the area open at that"
+    return f"{words}; scans resolve {verdict['resolution_m']:.3f} m, and {left}"
+
+
+def _verdict(result: Result, limits: Mapping[str, Any]) -> str:
+    """Return how much of what was judged is suspicious, and whether the map passes."""
+    from mapq.patches import caveat
+
+    counts, verdict = result.counts, result.verdict(**limits)
+    passed = {None: "", True: ": the map passes", False: ": the map does not pass"}[verdict["passed"]]
+    patches = f"{counts['n_suspicious']} of {counts['n_patches']} patches"
+    if not counts["n_patches"]:
+        return f"nothing was judged, {patches}{caveat(verdict)}{passed}"
+    share = f"{counts['share_of_area']:.1%} of the area judged is suspicious at {result.tolerance:.2f} m"
+    patches = f"{counts['area_suspicious_m2']:.1f} of {counts['area_m2']:.1f} m2, {patches}"
+    return f"{share} ({patches}; {result.patches.cloud.unit_words}){caveat(verdict)}{passed}"
+
+
+def _region(result: Result, region: Region) -> str:
+    """Return size, place and cause of a region."""
+    cloud, words = result.patches.cloud, [f"{len(region.patches)} patch{'' if len(region.patches) == 1 else 'es'}"]
+    size = " x ".join(f"{length:.1f}" for length in ((region.high - region.low) * cloud.unit).tolist())
+    words.append(f"{region.area:.1f} m2 in {size} m at {cloud.place_words(region.centre)}")
+    if region.displacement == region.displacement:
+        words.append(f"surfaces {region.displacement:.2f} m apart")
+    if result.visits is not None:
+        words.append(next(iter(result.area_by_cause(region.patches))).replace("unknown", "cause unknown"))
+    return ", ".join(words)
+
+
+def _patch_lines(result: Result, patch: int, n_reasons: int) -> Iterator[str]:
+    cloud, p = result.patches.cloud, result.probability[patch]
+    place = cloud.place_words(cloud.world_of(result.patches.centroid[patch]))
+    yield f"  patch {patch:<6} p {p:.3f}  {result.area[patch]:.1f} m2 at {place}"
+    for reason in result.reasons(patch, n_reasons):
+        yield f"      {reason.log_odds:+.2f}  {reason.text}"
+    if result.visits is not None:
+        yield f"      cause  {result.causes[patch].kind}: {result.causes[patch].text}"
