@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from prf.shell.cli.console import is_verbose
 
 if TYPE_CHECKING:
-    from mapq.posed.check_poses import CheckedPoses
+    from mapq.posed.check_scans import ScanMotion
     from mapq.results.reasons import Region
     from mapq.results.result import Result
 
@@ -37,24 +37,28 @@ def summary_lines(result: Result, target: str, limits: Mapping[str, Any]) -> Ite
     if result.scans_apart == result.scans_apart:
         apart = f"{result.scans_apart:.3f} m in the median, {result.disagreement:.3f} m in the mean"
         yield f"scans disagree  {apart}, over the area that several saw"
-    yield from _pose_lines(result.poses)
+    yield from _pose_lines(result)
     yield f"judged          {_judged(result)}"
     yield f"tolerance       {_tolerance(result, limits)}"
     yield f"verdict         {_verdict(result, limits)}"
     yield f"result          {target} and .json"
 
 
-def _pose_lines(found: CheckedPoses) -> Iterator[str]:
+def _pose_lines(result: Result) -> Iterator[str]:
     """Yield which scans and edges are wrong; -v lists more of either, whatever their probability."""
     from mapq.posed.check_poses import WRONG
+    from mapq.results.content import scans_of
 
-    wrong = sum(scan.p_wrong > WRONG for scan in found.scans)
-    if found.scans:
-        yield f"scans           {wrong} of {len(found.scans)} probably displaced"
-    for scan in found.scans[: N_POSES if is_verbose() else min(wrong, 1)]:
-        shift = f"{scan.dx:+.2f} {scan.dy:+.2f} {scan.dz:+.2f} m ({scan.low:.2f} to {scan.high:.2f})"
-        turn = f"{math.degrees(scan.yaw):+.2f} deg"
-        yield f"  p {scan.p_wrong:.3f}  {scan.file} should move by {shift} and turn by {turn}"
+    found, rows = result.poses, scans_of(result)
+    wrong = sum(scan.p_wrong > WRONG for scan, _ in rows)
+    if rows and rows[0][1] and not wrong:
+        blame = f"scan {rows[0][0].scan} is blamed for {rows[0][1]:.1f} m2"
+        yield f"scans           none of {len(rows)} is displaced beyond doubt; {blame}"
+    elif rows:
+        yield f"scans           {wrong} of {len(rows)} probably displaced"
+    for scan, area in rows[: N_POSES if is_verbose() else min(wrong, 1)]:
+        blame = f", blamed for {area:.1f} m2" if area else ""
+        yield f"  p {scan.p_wrong:.3f}  {scan.file} {_motion_words(scan)}{blame}"
     if found.drift is not None:
         value, low, high = (100.0 * part for part in found.drift[:3])
         of = "metre driven" if found.drift.unit == "m/m" else "minute"
@@ -69,6 +73,14 @@ def _pose_lines(found: CheckedPoses) -> Iterator[str]:
         if edge.error_m is not None and edge.error_rad is not None:
             off = f"is {edge.error_m:.2f} m and {math.degrees(edge.error_rad):.2f} deg off"
         yield f"  p {edge.p_wrong:.3f}  from {edge.ids[0]} to {edge.ids[1]} {off}"
+
+
+def _motion_words(scan: ScanMotion) -> str:
+    """Return the motion that the other scans ask of a scan; of one that may be right only how far it is off at most."""
+    if not scan.low:
+        return f"may be right: it is {scan.high:.2f} m off at most"
+    shift = f"{scan.dx:+.2f} {scan.dy:+.2f} {scan.dz:+.2f} m ({scan.low:.2f} to {scan.high:.2f})"
+    return f"should move by {shift} and turn by {math.degrees(scan.yaw):+.2f} deg"
 
 
 def _judged(result: Result) -> str:

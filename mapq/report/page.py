@@ -114,7 +114,11 @@ def poses_line(findings: Findings) -> str:
         rows = findings.head.get(kind) or ()
         wrong = [escape(name(row)) for row in rows if row["p_wrong"] > WRONG]
         more = f" and {len(wrong) - MOST_NAMED} more, listed below" if len(wrong) > MOST_NAMED else ""
-        if rows:
+        worst = rows[0] if rows else {}
+        if worst.get("blamed_m2") and not wrong:
+            blame = f"<strong>{escape(name(worst))}</strong> is blamed for {number(worst['blamed_m2'])} m²"
+            parts.append(f"None of {len(rows)} {kind} is displaced beyond doubt; {blame}.")
+        elif rows:
             named = f"<strong>{', '.join(wrong[:MOST_NAMED])}</strong>{more}," if wrong else "none"
             parts.append(f"Probably wrong {kind}: {named} of {len(rows)}.")
     return " ".join(parts)
@@ -181,15 +185,16 @@ def pose_tables(findings: Findings) -> str:
     scans, edges = (findings.head.get(name) or () for name in ("scans", "edges"))
     if not scans:
         return ""
-    units = "m", "°", "m", ""
-    head = [f"{name} <small>{unit}</small>" for name, unit in zip(("shift", "yaw", "bounds", "p"), units, strict=True)]
+    names, units = ("shift", "yaw", "bounds", "p", "blamed for"), ("m", "°", "m", "", "m²")
+    head = [f"{name} <small>{unit}</small>" for name, unit in zip(names, units, strict=True)]
     rows = [
         (
             escape(_scan_name(row)),
-            ", ".join(number(row[name], 2) for name in ("dx", "dy", "dz")),
-            number(math.degrees(row["yaw"]), 2),
+            ", ".join(number(row[name], 2) for name in ("dx", "dy", "dz")) if row["low"] else DASH,
+            number(math.degrees(row["yaw"]), 2) if row["low"] else DASH,
             f"{number(row['low'], 2)} to {number(row['high'], 2)}",
             number(row["p_wrong"], 3),
+            number(row.get("blamed_m2")),
         )
         for row in scans[:MAX_REGIONS]
     ]
@@ -207,7 +212,10 @@ def pose_tables(findings: Findings) -> str:
         names = ["edge", "off <small>m</small>", "turned <small>°</small>", "p"]
         text += table(names, _marked(off, edges), "scans")
     also = ", and how far edges are off what the clouds say" if edges else ""
-    note = f"The shift and turn that the other scans ask of each{also}; ▲ probably wrong."
+    note = (
+        f"The shift and turn that the other scans ask of each, {DASH} where it may be right{also}, and the suspicious "
+    )
+    note += "area of which it is the cause; ▲ probably wrong."
     what = "Scans and edges" if edges else "Scans"
     head_line = f"<summary><h2>{what}, worst first</h2></summary>"
     return f'<details class="panel" open>{head_line}<p class="note">{note}</p>{text}</details>'

@@ -281,7 +281,7 @@ def test_the_command_lists_them_and_writes_the_graph(tmp_path: Path, monkeypatch
     assert "from 8 to 77 cannot be checked" in out
     answer = json.loads((tmp_path / "out.json").read_text())
     assert [len(answer[name]) for name in ("scans", "edges")] == [9, 12]
-    assert {"scan", "file", "dx", "dy", "dz", "yaw", "low", "high", "p_wrong"} == answer["scans"][0].keys()
+    assert {"scan", "file", "dx", "dy", "dz", "yaw", "low", "high", "p_wrong", "blamed_m2"} == answer["scans"][0].keys()
     assert {"from", "to", "error_m", "error_rad", "p_wrong"} == answer["edges"][0].keys()
     assert (answer["edges"][0]["from"], answer["edges"][0]["to"]) == (1, 8)
     assert (tmp_path / "new.g2o").read_bytes().count(b"EDGE") == 11

@@ -7,12 +7,16 @@ import numpy as np
 import pytest
 
 from mapq.cloud import PointCloud
+from mapq.commands._summary import summary_lines
 from mapq.configuration import FeatureSettings
 from mapq.features import patch_features
 from mapq.io.results import result_cloud
 from mapq.labels import NO_PATCH
 from mapq.posed.check_poses import CheckedPoses
+from mapq.posed.check_scans import ScanMotion
 from mapq.posed.edges import EdgeError
+from mapq.report.findings import read_findings
+from mapq.report.page import pose_tables, poses_line
 from mapq.results.causes import (
     DRIFT,
     LOCAL,
@@ -21,13 +25,14 @@ from mapq.results.causes import (
     UNKNOWN,
     WRONG_EDGE,
     WRONG_SCAN,
+    Cause,
     Spread,
     cause_of,
     find_causes,
     moved_by,
     nested_spread,
 )
-from mapq.results.result import assess
+from mapq.results.result import Seen, assess
 from mapq.results.visits import Clock, Visits, join_stays, stays_of, visits_of
 from tests.mapq.factories import make_patches, shuffled, wall
 from tests.mapq.results.test_result import make_model
@@ -216,6 +221,43 @@ def test_a_result_carries_causes():
     assert set(result.cloud().fields["cause"].tolist()) == {1, 255}
     again = result_cloud(result.cloud(), patches.patch, result.labelling.label, result.labelling.probability)
     assert not {"cause", "original_cause"} & set(again.fields)
+
+
+def test_the_scan_that_is_blamed_comes_first_where_none_is_displaced_beyond_doubt(tmp_path):
+    """Its area is named; a shift whose bounds reach 0 is not."""
+    result = assess(wall_of_two_laps(0.5, 0.02), make_model())
+    causes = {patch: Cause(WRONG_SCAN, "scan 1 puts it off", {"scan": 1}) for patch in result.causes}
+    shifts = ((0.05, 0.0, 0.47), (0.2, 0.01, 0.41), (0.15, 0.0, 0.52))
+    rows = [
+        ScanMotion(scan, f"s{scan}.ply", shift, 0.0, 0.0, 0.0, low, high, p_wrong)
+        for p_wrong, (scan, (shift, low, high)) in zip((3e-4, 1e-4, 8e-5), enumerate(shifts), strict=True)
+    ]
+
+    def look(rows):
+        told = replace(result, seen=Seen(result.visits, causes), poses=CheckedPoses(tuple(rows)))
+        told.save(tmp_path / "r.ply", force=True)
+        findings = read_findings(str(tmp_path / "r.ply"))
+        return told, findings, list(summary_lines(told, "r.ply", {}))
+
+    area = result.area.sum()
+    told, findings, found = look(rows)
+    assert [row["scan"] for row in told.head()["scans"]] == [1, 0, 2]
+    assert [row["blamed_m2"] for row in told.head()["scans"]] == [pytest.approx(area), 0.0, 0.0]
+    assert f"scans           none of 3 is displaced beyond doubt; scan 1 is blamed for {area:.1f} m2" in found
+    assert f"None of 3 scans is displaced beyond doubt; <strong>s1.ply</strong> is blamed for {area:.1f} m²." in (
+        poses_line(findings)
+    )
+    table = pose_tables(findings)
+    assert (
+        f"<td>s1.ply</td><td>0.20, 0.00, 0.00</td><td>0.00</td><td>0.01 to 0.41</td><td>0.000</td><td>{area:.1f}<"
+        in table
+    )
+    assert "<td>s0.ply</td><td>–</td><td>–</td><td>0.00 to 0.47</td>" in table
+    # One that is probably displaced is first whatever the area.
+    told, findings, found = look([rows[2]._replace(p_wrong=0.9, low=0.1), *rows[:2]])
+    assert [row["scan"] for row in told.head()["scans"]] == [2, 0, 1]
+    assert "scans           1 of 3 probably displaced" in found
+    assert poses_line(findings) == "Probably wrong scans: <strong>s2.ply</strong>, of 3."
 
 
 def test_scans_apart_is_the_disagreement_of_most_of_the_area():
