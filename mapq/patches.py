@@ -289,3 +289,12 @@ def caveat(verdict: Mapping[str, Any]) -> str:
     flat = verdict.get("flat_share")
     little = flat is not None and flat < FEW_FLAT
     return f"; it says little, as only {flat:.0%} of neighbourhoods are flat at any scale tried" if little else ""
+
+
+def large_share(counts: Mapping[str, Any]) -> float:
+    """Return the share of all points that lie in patches of any kind, be they judged; nan where that is not known.
+
+    `counts`: those of a result, or of its JSON. The others lie in no plane, or in patches too small to judge.
+    """
+    judged, coverage, n_points = (counts.get(name) for name in ("n_points_in_patches", "coverage", "n_points"))
+    return float(judged / (coverage * n_points)) if judged and coverage and n_points else float("nan")

@@ -84,14 +84,19 @@ def _motion_words(scan: ScanMotion) -> str:
 
 
 def _judged(result: Result) -> str:
-    """Return how much of the surface could be judged."""
+    """Return how much of the map lies in patches that are large enough to judge, and what of these was judged."""
+    from mapq.patches import large_share
+
     counts = result.counts
-    share = "a share that is not known" if counts["coverage"] != counts["coverage"] else f"{counts['coverage']:.1%}"
+    large = large_share(counts)
+    share = f"{large:.1%} of all points lie in patches large enough, {counts['coverage']:.1%} of these in judged ones"
+    if large != large:
+        share = f"{counts['n_points_in_patches'] / counts['n_points']:.1%} of all points"
     parts = [
         f"{name} {each['area_m2']:.1f} m2, {each['share_of_area']:.1%} suspicious"
         for name, each in counts["by_surface"].items()
     ]
-    return f"{share} of the points on planes" + (": " if parts else "") + "; ".join(parts)
+    return share + (": " if parts else "") + "; ".join(parts)
 
 
 def _tolerance(result: Result, limits: Mapping[str, Any]) -> str:

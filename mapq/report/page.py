@@ -8,7 +8,7 @@ from pathlib import PurePath
 from typing import Any
 
 from mapq.io.maps import Row
-from mapq.patches import caveat
+from mapq.patches import caveat, large_share
 from mapq.posed.check_poses import WRONG
 from mapq.report.findings import MAX_REGIONS, Findings
 from mapq.report.histogram import histogram, histogram_svg
@@ -38,13 +38,13 @@ def verdict_line(findings: Findings) -> str:
     if not len(findings.label):
         return "No plane patch was found, so nothing of this map was judged."
     counts, verdict = findings.part("counts"), findings.part("verdict")
-    coverage = percent(counts.get("coverage"))
+    large, coverage = percent(large_share(counts)), percent(counts.get("coverage"))
     share = percent(verdict.get("share_of_area", counts.get("share_of_area")))
     line = f"<strong>{share}</strong> of the surface judged is suspicious"
     if verdict.get("tolerance_m") is not None:
         line += f": farther apart than {number(verdict['tolerance_m'], 2)} m"
     if coverage != DASH:
-        line += f"; {coverage} of all planes could be judged"
+        line += f"; {large} of all points lie in patches large enough to judge, {coverage} of these were judged"
     line += caveat(verdict)
     if verdict.get("passed") is None:
         return line
@@ -71,7 +71,8 @@ def _facts(findings: Findings) -> Iterator[tuple[str, str]]:
     # By the JSON, as all else here: of a result in tiles not all points are at hand.
     n_points = counts.get("n_points")
     share = counts["n_points_in_patches"] / n_points if n_points else None
-    yield "judged", f"{percent(counts.get('coverage'))} of the points that lie on planes of any kind"
+    judged = f"{percent(counts.get('coverage'))} of the points in patches that are large enough"
+    yield "judged", f"{judged}, in which {percent(large_share(counts))} of all points lie"
     for name, each in (counts.get("by_surface") or {}).items():
         yield name, f"{number(each.get('area_m2'))} m², {percent(each.get('share_of_area'))} of it suspicious"
     yield "points", f"{number(n_points, 0)}, {percent(share)} of them in patches; the others are not judged"

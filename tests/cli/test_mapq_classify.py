@@ -97,7 +97,7 @@ def test_a_map_of_which_little_was_judged_fails_in_one_line(capsys, tmp_path, op
     args = ["classify", path, "--model", save_model(tmp_path), "-o", target, "--fail-over", "100%", *options]
     found, out, err = call(capsys, *args)
     assert found == code
-    assert "judged          10.0% of the points on planes" in out
+    assert " of all points lie in patches large enough, 10.0% of these in judged ones" in out
     assert err.count("\n") == code
     assert ("10.0% of the points on planes could be judged, less than" in err) == (code == 1)
     stored = json.loads(target.with_suffix(".json").read_text())

@@ -93,7 +93,7 @@ def test_two_commands_lead_to_a_page(kind: str, tmp_path, capsys, monkeypatch) -
     assert (code, len(out.splitlines()) <= 15) == (0, True), err
     result = Path(f"{Path(name).stem}.classified{KEPT.get(kind, '.ply')}")
     assert out.splitlines()[-1] == f"result          {result} and .json"
-    assert "of the points on planes: upright" in out
+    assert "% of these in judged ones: upright" in out
     assert call(capsys, "report", str(result))[0] == 0
     assert result.with_suffix(".html").stat().st_size > 50_000
     cloud = read_cloud(str(result))

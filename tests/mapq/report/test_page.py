@@ -51,15 +51,15 @@ def test_a_page_shows_the_result(tmp_path):
 
 def test_a_page_shows_coverage_and_disagreement_of_scans(tmp_path):
     told = read_findings(str(save_result(tmp_path / "r.ply")))
-    told.head["counts"]["coverage"] = 0.125
+    told.head["counts"] |= {"coverage": 0.125, "n_points": 1000, "n_points_in_patches": 80}
     told.head["verdict"]["flat_share"] = 0.34
     told.head["inputs"] = [{"path": "scans", "sha256": None}, {"path": "poses.txt", "sha256": "12ab"}]
     told.rows[3].update(disagreement_m=0.12345, low=0.05, high=0.25)
     page = report(tmp_path / "s.html", told)
-    assert "; 12.5 % of all planes could be judged" in page
+    assert "; 64.0 % of all points lie in patches large enough to judge, 12.5 % of these were judged" in page
     assert "and 20.0 % to be judged" in page
     assert "it says little, as only 34% of neighbourhoods are flat" in page
-    assert "12.5 % of the points that lie on planes of any kind" in page
+    assert "12.5 % of the points in patches that are large enough, in which 64.0 % of all points lie" in page
     assert data_of(page)["apart"][3] == [0.123, 0.05, 0.25]
     assert data_of(page)["apart"][4] == [None, None, None]
     made = without_scripts(page[page.index("How this was made") :])
