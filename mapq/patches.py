@@ -298,3 +298,8 @@ def large_share(counts: Mapping[str, Any]) -> float:
     """
     judged, coverage, n_points = (counts.get(name) for name in ("n_points_in_patches", "coverage", "n_points"))
     return float(judged / (coverage * n_points)) if judged and coverage and n_points else float("nan")
+
+
+def apart_words(metres: float, resolution: float) -> str:
+    """Return how far scans lie apart; of less than they resolve only that. Both in metres."""
+    return f"less than {resolution:.3f} m (what scans resolve)" if metres < resolution else f"{metres:.3f} m"

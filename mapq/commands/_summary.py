@@ -19,6 +19,8 @@ N_POSES = 10
 
 def summary_lines(result: Result, target: str, limits: Mapping[str, Any]) -> Iterator[str]:
     """Yield the summary for a person, the verdict last; -v lists more regions, patches and reasons."""
+    from mapq.patches import apart_words
+
     n_regions, n_worst, n_reasons = (5, 10, 3) if is_verbose() else (3, 1, 2)
     if result.regions:
         shown = "" if len(result.regions) <= n_regions else f", the worst {n_regions}"
@@ -35,8 +37,8 @@ def summary_lines(result: Result, target: str, limits: Mapping[str, Any]) -> Ite
         named = ", ".join(f"{name} {area / sum(areas.values()):.0%}" for name, area in areas.items() if area)
         yield f"causes          {named} of the suspicious area"
     if result.scans_apart == result.scans_apart:
-        apart = f"{result.scans_apart:.3f} m in the median, {result.disagreement:.3f} m in the mean"
-        yield f"scans disagree  {apart}, over the area that several saw"
+        median, mean = (apart_words(each, result.resolution) for each in (result.scans_apart, result.disagreement))
+        yield f"scans disagree  {median} in the median, {mean} in the mean, over the area that several saw"
     yield from _pose_lines(result)
     yield f"judged          {_judged(result)}"
     yield f"tolerance       {_tolerance(result, limits)}"

@@ -8,7 +8,7 @@ from pathlib import PurePath
 from typing import Any
 
 from mapq.io.maps import Row
-from mapq.patches import caveat, large_share
+from mapq.patches import apart_words, caveat, large_share
 from mapq.posed.check_poses import WRONG
 from mapq.report.findings import MAX_REGIONS, Findings
 from mapq.report.histogram import histogram, histogram_svg
@@ -99,8 +99,9 @@ def _facts(findings: Findings) -> Iterator[tuple[str, str]]:
         areas = findings.part("verdict", "area_by_cause_m2")
         yield "causes", escape(", ".join(f"{name} {number(value)} m²" for name, value in areas.items() if value))
     if verdict.get("scans_apart_m") is not None:
-        median, mean = (number(verdict.get(name), 3) for name in ("scans_apart_m", "disagreement_m"))
-        yield "scans disagree", f"{median} m in the median over the area that several scans saw, {mean} m in the mean"
+        least, known = verdict.get("resolution_m") or 0.0, (verdict["scans_apart_m"], verdict.get("disagreement_m"))
+        median, mean = (DASH if metres is None else apart_words(metres, least) for metres in known)
+        yield "scans disagree", f"{median} in the median over the area that several scans saw, {mean} in the mean"
     if cloud.shift.any():
         shift = ", ".join(f"{value:,.0f}" for value in cloud.shift * cloud.unit)
         yield "global shift", f"{shift} m, left out of coordinates in views and tables; a selected patch shows both"

@@ -36,6 +36,7 @@ from mapq.results.result import Seen, assess
 from mapq.results.visits import Clock, Visits, join_stays, stays_of, visits_of
 from tests.mapq.factories import make_patches, shuffled, wall
 from tests.mapq.results.test_result import make_model
+from tests.mapq.results.test_verdict import scanned
 
 N_SCANS = 20
 """Of each of two laps; they see the wall in the first ten, and something else in all."""
@@ -274,6 +275,12 @@ def test_scans_apart_is_the_disagreement_of_most_of_the_area():
     assert verdict["disagreement_m"] == pytest.approx(0.3, abs=0.03)
     assert verdict["scans_apart_m"] in [pytest.approx(row["disagreement_m"]) for row in rows]
     assert all(row["low"] < row["disagreement_m"] < row["high"] for row in rows)
+    (line,) = (line for line in summary_lines(result, "r.ply", {}) if line.startswith("scans disagree"))
+    assert "less than" not in line
+    none = np.zeros(len(patches))
+    agreeing = scanned(result, none - 0.02, none, none + 0.02)
+    (line,) = (line for line in summary_lines(agreeing, "r.ply", {}) if line.startswith("scans disagree"))
+    assert "less than 0.020 m (what scans resolve) in the median, less than 0.020 m" in line
     silent = assess(replace(patches, cloud=replace(patches.cloud, fields={})), make_model())
     assert np.isnan([silent.verdict(None)[name] for name in ("scans_apart_m", "disagreement_m")]).all()
     assert {tuple(row[name] for name in ("disagreement_m", "low", "high")) for row in silent.patch_rows()} == {
