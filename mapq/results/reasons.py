@@ -197,8 +197,7 @@ class Region(NamedTuple):
     low: NDArray[np.float64]  # (3,) box of the points, in world coordinates and the cloud's unit
     high: NDArray[np.float64]  # (3,)
     centre: NDArray[np.float64]  # (3,) mean of the points, likewise
-    # metres between surfaces of the region that lie over one another: the median over the shared area; nan where none
-    # do
+    # metres by which its surfaces lie apart, by what its patches themselves say; nan where they do not
     displacement: float
     p_suspicious: float  # mean over the area
 
@@ -243,9 +242,9 @@ def find_regions(
     inside = inside[np.argsort(part[pairs[:, 0]], kind="stable")]
     wanted, dealt = [part[group[0]] for group in groups], part[features.pairs[inside, 0]]
     first, last = (np.searchsorted(dealt, wanted, side) for side in ("left", "right"))
-    wide = probability.astype(np.float64)
+    wide, said = probability.astype(np.float64), _said(features)
     found = [
-        _region(patches, group, wide, size, _displacement(features, inside[begin:end]))
+        _region(patches, group, wide, size, _displacement(features, said[:, group], size[group], inside[begin:end]))
         for group, begin, end in zip(groups, first.tolist(), last.tolist(), strict=True)
     ]
     return sorted(found, key=lambda region: (-region.severity, int(region.patches[0])))
@@ -265,8 +264,27 @@ def _region(
     return Region(group, n_points, area, severity, low, high, centre, displacement, p_suspicious)
 
 
-def _displacement(features: PatchFeatures, inside: NDArray[np.int64]) -> float:
-    """Return the median offset of the pairs `inside` a region that lie over one another, by the shared area."""
+def _said(features: PatchFeatures) -> NDArray[np.float64]:
+    """Return by how much patches say that surfaces lie apart (2, m): by scans, and by their copies; nan unknown."""
+    names, node = features.node_names, features.node
+    along = np.full(len(node), np.nan)
+    if "shift_along" in names:
+        is_copied = node[:, names.index("shift_support")] > 0.0
+        along[is_copied] = node[is_copied, names.index("shift_along")]
+    return np.array([features.disagreement[:, 1], along])
+
+
+def _displacement(
+    features: PatchFeatures, said: NDArray[np.float64], size: NDArray[np.float64], inside: NDArray[np.int64]
+) -> float:
+    """Return by how much the patches of a region say (2, k) that surfaces lie apart, the median over their size (k,).
+
+    By scans where they are known; where neither they nor copies are, as of models that look at none, the median offset
+    of the pairs `inside` that lie over one another, by the shared area.
+    """
+    for metres in said:
+        if np.isfinite(metres).any():
+            return weighted_median(metres, np.maximum(size, 1e-9))
     columns = [features.edge_names.index(name) for name in ("overlap", "offset", "overlap_area")]
     overlap, offset, shared = features.edge[inside[:, None], columns].T
     over = overlap > MIN_OVERLAP

@@ -253,6 +253,20 @@ def test_a_region_has_extent_area_and_displacement(result):
     assert large.p_suspicious == pytest.approx(large.severity / large.area)
 
 
+def test_surfaces_of_a_region_are_as_far_apart_as_its_patches_say(result):
+    """Not as far as a pair that lie over one another by chance, as the reveals of two windows do."""
+    features, names = result.features, result.features.node_names
+    edge, node = features.edge.copy(), features.node.copy()
+    edge[:, features.edge_names.index("offset")] = 1.41
+    told = features._replace(edge=edge, node=node)
+    node[:, names.index("shift_support")], node[:, names.index("shift_along")] = 0.25, 0.36
+    assert [region.displacement for region in replace(result, features=told).regions] == [0.36, 0.36]
+    node[:, names.index("disagreement")] = 0.12
+    assert [region.displacement for region in replace(result, features=told).regions] == [0.12, 0.12]
+    node[:, [names.index("shift_support"), names.index("disagreement")]] = 0.0, np.nan
+    assert [region.displacement for region in replace(result, features=told).regions] == [1.41, 1.41]
+
+
 def test_no_suspicious_patch_is_no_region():
     empty = assess(make_patches([], np.empty((0, 3)), loose=3), make_model())
     assert empty.regions == []
@@ -324,8 +338,11 @@ class Looked:
 def test_the_pairs_of_a_map_are_looked_through_once_however_many_regions_there_are(n_patches):
     result = assess(town(n_patches), make_model())
     assert len(result.regions) > n_patches // 10
-    looked = Looked(result.features)
+    # Pairs are asked where patches themselves say nothing.
+    silent = result.features._replace(node=np.full_like(result.features.node, np.nan))
+    looked = Looked(silent)
     again = find_regions(result.patches, looked, result.is_suspicious, result.labelling.probability, result.area)
-    assert [region.displacement for region in again] == [region.displacement for region in result.regions]
+    quiet = replace(result, features=silent)
+    assert [region.displacement for region in again] == [region.displacement for region in quiet.regions]
     assert looked.times <= 5
     assert 0 < looked.taken <= 3 * len(result.features.pairs)
