@@ -29,7 +29,7 @@ def summary_lines(result: Result, target: str, limits: Mapping[str, Any]) -> Ite
         yield f"  region {number:<5} {_region(result, region)}"
     worst = result.worst(n_worst)
     if worst:
-        yield "most certainly suspicious, with reasons (log-odds):"
+        yield "most severe by area times p, with reasons (log-odds):"
     for patch in worst:
         yield from _patch_lines(result, patch, n_reasons)
     areas = result.area_by_cause()
@@ -128,7 +128,7 @@ def _region(result: Result, region: Region) -> str:
     """Return size, place and cause of a region."""
     cloud, words = result.patches.cloud, [f"{len(region.patches)} patch{'' if len(region.patches) == 1 else 'es'}"]
     size = " x ".join(f"{length:.1f}" for length in ((region.high - region.low) * cloud.unit).tolist())
-    words.append(f"{region.area:.1f} m2 in {size} m at {cloud.place_words(region.centre)}")
+    words.append(f"{_area(region.area)} m2 in {size} m at {cloud.place_words(region.centre)}")
     if region.displacement == region.displacement:
         words.append(f"surfaces {region.displacement:.2f} m apart")
     if result.visits is not None:
@@ -136,10 +136,15 @@ def _region(result: Result, region: Region) -> str:
     return ", ".join(words)
 
 
+def _area(area: float) -> str:
+    """Return an area in square metres, of small ones another digit."""
+    return f"{area:.2f}" if area < 0.1 else f"{area:.1f}"
+
+
 def _patch_lines(result: Result, patch: int, n_reasons: int) -> Iterator[str]:
     cloud, p = result.patches.cloud, result.probability[patch]
     place = cloud.place_words(cloud.world_of(result.patches.centroid[patch]))
-    yield f"  patch {patch:<6} p {p:.3f}  {result.area[patch]:.1f} m2 at {place}"
+    yield f"  patch {patch:<6} p {p:.3f}  {_area(result.area[patch])} m2 at {place}"
     for reason in result.reasons(patch, n_reasons):
         yield f"      {reason.log_odds:+.2f}  {reason.text}"
     if result.visits is not None:

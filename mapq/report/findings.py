@@ -135,7 +135,7 @@ def _columns(
 ) -> tuple[NDArray[np.uint8], Floats, dict[int, Row]]:
     """Return labels (m,), and n_points, p_suspicious, area_m2 and normal (m, 6); and `MAX_LISTED` of the patches.
 
-    These are the `first` ones, then suspicious ones, the most certain first, then plausible ones, the largest first.
+    These are the `first` ones, then suspicious ones, the most severe first, then plausible ones, the largest first.
     """
     label, numbers = bytearray(), array("d")
     kept: list[tuple[bool, bool, float, int, Row]] = []
@@ -150,7 +150,8 @@ def _columns(
                 stored.json, f"patch {number} lacks label, n_points, p_suspicious, area_m2 or normal"
             ) from None
         is_bad = label[-1] == SUSPICIOUS
-        size = row.get("difference" if is_bad else "area_m2")
+        p, size = values[1:3]
+        size = size * p if is_bad and size is not None and p is not None else size
         shown = {name: value for name, value in row.items() if name != "terms"}
         entry = (number in first, is_bad, -math.inf if size is None else size, -number, shown)
         if len(kept) < MAX_LISTED:

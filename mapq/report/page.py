@@ -28,6 +28,11 @@ def number(value: Any, digits: int = 1, unit: str = "") -> str:
     return DASH if value is None or not math.isfinite(value) else f"{round(value, digits) + 0.0:,.{digits}f}{unit}"
 
 
+def area(value: Any) -> str:
+    """Return an area in square metres as text, of small ones another digit, a dash for null."""
+    return number(value, 2 if value is not None and value < 0.1 else 1)
+
+
 def percent(value: Any) -> str:
     """Return a share as text, a dash for null."""
     return DASH if value is None else number(100.0 * value, 1, " %")
@@ -81,7 +86,7 @@ def _facts(findings: Findings) -> Iterator[tuple[str, str]]:
     if len(findings.rows) < len(findings.label):
         yield (
             "listed",
-            f"{len(findings.rows):,} of these patches one by one: those of the regions listed, then the most certain "
+            f"{len(findings.rows):,} of these patches one by one: those of the regions listed, then the most severe "
             "suspicious ones, then the largest; the JSON of the result has all",
         )
     if verdict.get("resolution_m") is not None:
@@ -171,8 +176,8 @@ def _region_cells(findings: Findings, region: Row) -> list[str]:
     low, high, centre = (findings.local(region.get(name)) for name in ("low", "high", "centre"))
     return [
         number(region.get("region"), 0),
-        number(region.get("severity_m2")),
-        number(region.get("area_m2")),
+        area(region.get("severity_m2")),
+        area(region.get("area_m2")),
         number(region.get("n_patches"), 0),
         " × ".join(number(b - a) for a, b in zip(low, high, strict=True)),
         ", ".join(number(value) for value in centre),
@@ -257,7 +262,7 @@ def _plain(rows: Iterable[tuple[str, str]]) -> str:
 
 MAX_POINTS = 120_000
 """Default of the points that the views show: a laptop turns this many smoothly."""
-MEASURES = ("n_points", "area_m2", "width_m", "height_m", "rms_m", "thickness_m", "tilt_deg", "difference")
+MEASURES = ("n_points", "area_m2", "width_m", "height_m", "rms_m", "thickness_m", "tilt_deg")
 """Numbers of a patch that the page has beside label, probability and place."""
 DIGITS = 5
 """Significant digits of numbers in a page."""

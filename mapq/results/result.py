@@ -186,9 +186,10 @@ class Result:
         return counts_of(self)
 
     def worst(self, n_most: int) -> list[int]:
-        """Return the suspicious patches that are most surely so, at most `n_most`, larger ones first among equals."""
+        """Return the most severe suspicious patches, at most `n_most`: by area (else points) times probability."""
+        size = self.area if np.isfinite(self.area).all() else self.patches.counts
         candidates = np.flatnonzero(self.is_suspicious)
-        order = np.lexsort((candidates, -self.patches.counts[candidates], -self.labelling.difference[candidates]))
+        order = np.argsort(-(size * self.probability.astype(np.float64))[candidates], kind="stable")
         return [int(patch) for patch in candidates[order[:n_most]]]
 
     @cached_property

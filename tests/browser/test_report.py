@@ -45,6 +45,10 @@ def place_of(page, told, patch: int) -> tuple[float, float]:
     return box["x"] + box["width"] / 2 + centre[0] * scale, box["y"] + box["height"] / 2 - centre[1] * scale
 
 
+def severity(row) -> float:
+    return row["p_suspicious"] * row["area_m2"]
+
+
 def shown(page) -> str:
     return page.locator("#details").inner_text()
 
@@ -68,7 +72,7 @@ def test_a_patch_clicked_in_plan_view_shows_its_reasons_everywhere(page, told, r
 
 def test_the_worst_patch_is_selected_at_first_and_dark_changes_the_views(page, told, report):
     open_report(page, report)
-    worst = max(told.rows, key=lambda patch: (told.label[patch], told.rows[patch]["difference"]))
+    worst = max(told.rows, key=lambda patch: (told.label[patch], severity(told.rows[patch])))
     assert f"Patch {worst}\n" in shown(page)
     pictures = set()
     for _ in range(2):

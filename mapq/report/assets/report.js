@@ -128,11 +128,12 @@
     (patch) => figure(value(patch), digits),
     kind,
   ];
+  const squareMetres = (area) => figure(area, area < 0.1 ? 2 : 1);
   const columns = [
     ["patch", (patch) => patch, (patch) => patch, "number"],
     ["label", (patch) => -data.label[patch], null, "label"],
     largestFirst("p", (patch) => data.p[patch], 3, "number"),
-    largestFirst("area m²", (patch) => measure("area_m2", patch), 1),
+    ["area m²", (patch) => -(measure("area_m2", patch) ?? -1), (patch) => squareMetres(measure("area_m2", patch)), "number folds"],
     largestFirst("width m", (patch) => measure("width_m", patch), 1),
     largestFirst("height m", (patch) => measure("height_m", patch), 1),
     largestFirst("rms m", (patch) => measure("rms_m", patch), 3),
@@ -143,12 +144,9 @@
     from = 0,
     sorted = -1,
     upward = true;
+  const severity = (patch) => (data.p[patch] ?? 0) * (measure("area_m2", patch) ?? measure("n_points", patch));
   function worstFirst(a, b) {
-    return (
-      data.label[b] - data.label[a] ||
-      (measure("difference", b) ?? 0) - (measure("difference", a) ?? 0) ||
-      a - b
-    );
+    return data.label[b] - data.label[a] || severity(b) - severity(a) || a - b;
   }
   function arrange() {
     const wanted = byId("find").value.trim(),

@@ -42,6 +42,8 @@ def test_double_walls_are_suspicious_with_reasons(result):
     worst = result.worst(5)
     assert len(worst) == 5
     assert all(result.labelling.label[patch] == 1 for patch in worst)
+    severity = result.area * result.probability
+    assert severity[worst].tolist() == sorted(severity[result.is_suspicious], reverse=True)[:5]
     reasons = result.reasons(worst[0], 3)
     assert any(reason.text.startswith("parallel to patch") for reason in reasons)
 
