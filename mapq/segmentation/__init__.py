@@ -33,7 +33,8 @@ WIDTH_IN_THICKNESS = 4.0
 """Standard deviations along the short side by those across: less is a slab of points, not a surface."""
 CELL_IN_SPACING = 2.0
 """Side of the cells by which areas are counted: a cell on a surface holds four points, so few stay empty."""
-MANY_NARROW = 0.05
+MANY_NARROW, MANY_REPEATED = 0.05, 0.01
+"""Shares of the points of which there is a warning."""
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -73,8 +74,8 @@ def segment(
         "points_repeated": len(cloud) - points.n_not_finite - points.n_far - len(points.xyz),
         "points_looked_at": len(core.xyz),
         **found.report,
-        "warnings": warnings_of(chosen, points.n_far, found.report),
     }
+    report["warnings"] = warnings_of(chosen, report)
     patch = np.where(points.number >= 0, found.number[0][region][points.number], -1).astype(np.int32)
     normal, centroid, bend = (turn(each, -quarter) for each in (found.normal, found.centroid, found.bend))
     return Patches.unlabelled(cloud, patch, normal, centroid, chosen.described(quarter), report, bend)
@@ -260,8 +261,8 @@ def region_areas(xyz: Floats, region: NDArray[np.int32], planes: Floats, cell: f
     return np.asarray(n_cells * (cell * cell), np.float64)
 
 
-def warnings_of(chosen: Parameters, n_far: int, found: dict[str, Any]) -> list[str]:
-    """Return a sentence for each reason why patches of a cloud are few or doubtful."""
+def warnings_of(chosen: Parameters, found: dict[str, Any]) -> list[str]:
+    """Return a sentence for each reason why patches of a cloud are few or doubtful, of the report on it."""
     warnings = []
     other = {name: each["patches"] for name, each in found["not_judged"].items() if each["patches"]}
     small = found["dropped_as_small"]["patches"]
@@ -287,8 +288,13 @@ def warnings_of(chosen: Parameters, n_far: int, found: dict[str, Any]) -> list[s
             "in a map smeared as a whole: what its patches say is little. Set segment.noise and segment.resolution "
             "if you know them."
         )
-    if n_far:
-        warnings.append(f"{n_far} points lie very far from all others and were left out.")
+    if found["points_repeated"] > MANY_REPEATED * found["points"]:
+        warnings.append(
+            f"{found['points_repeated']} of {found['points']} points repeat the coordinates of others, as where a scan "
+            "is in a file twice; patches are cut from one point at each place."
+        )
+    if found["points_far_outside"]:
+        warnings.append(f"{found['points_far_outside']} points lie very far from all others and were left out.")
     return warnings
 
 

@@ -136,8 +136,8 @@ def cut_map(
         "points_repeated": n_near - n_distinct,
         "points_looked_at": n_looked_at,
         **whole.joined.report,
-        "warnings": warnings_of(chosen, n_far, whole.joined.report),
     }
+    found["warnings"] = warnings_of(chosen, found)
     patches = _in_axes_of_files(files, whole, quarter, chosen.described(quarter), found)
     patch = _numbered(files.n_points, store, whole)
     return TiledPatches(files, store, tiling, quarter, known, clock, stays, whole, patches, patch)

@@ -147,6 +147,8 @@ class TestTraps:
         heavy = segment(PointCloud.from_world(np.concatenate([np.repeat(xyz, 12, axis=0), xyz[:1].repeat(4000, 0)])))
         np.testing.assert_array_equal(heavy.patch[: 12 * len(xyz) : 12], once.patch)
         assert heavy.report["points_repeated"] == 11 * len(xyz) + 4000
+        (warning,) = set(heavy.report["warnings"]) - set(once.report["warnings"])
+        assert warning.startswith(f"{11 * len(xyz) + 4000} of {12 * len(xyz) + 4000} points repeat the coordinates")
         assert heavy.parameters == once.parameters
 
     def test_points_that_are_not_finite_belong_to_no_patch(self) -> None:
