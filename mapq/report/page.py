@@ -296,6 +296,7 @@ def _page(findings: Findings, scene: PageScene, title: str) -> str:
         "histogram": histogram_svg(sums, unit, findings.threshold),
         "unit": unit,
         "share": percent(findings.part("counts").get("share_of_area")),
+        "aspect": f"{scene.aspect:.3f}",
         "shown": f"{len(scene.points):,} of {scene.n_points:,} points shown, evenly spread",
         "regions": region_table(findings),
         "poses": pose_tables(findings),

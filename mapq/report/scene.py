@@ -11,6 +11,8 @@ from mapq.labels import NO_PATCH, SUSPICIOUS
 
 VIEWS = (("mapq.report", "scene.js"), ("mapq.report", "view.js"))
 """Scripts of the views of a scene, which the report and the labelling page share."""
+EYE = (-1.05, 0.6)
+"""Radians: turn and rise of the 3D view at first, as report.js has it."""
 MOST_OUTLINES = 20_000
 """Patches with an outline: suspicious ones first, then the largest; the rest are points alone."""
 
@@ -51,6 +53,14 @@ class PageScene(NamedTuple):
     low: Floats  # (3,) box of all points in patches, and of the others without those far out
     high: Floats  # (3,)
     n_points: int  # finite points
+
+    @property
+    def aspect(self) -> float:
+        """Height of the map by its width, as the taller of both views shows it at first."""
+        x, y, z = np.maximum(self.high - self.low, 1.0).tolist()
+        (turn, rise), level = EYE, abs(np.sin(EYE[0])) * x + abs(np.cos(EYE[0])) * y
+        tall = np.sin(rise) * (abs(np.cos(turn)) * x + abs(np.sin(turn)) * y) + np.cos(rise) * z
+        return float(max(y / x, tall / level))
 
     def pack(self) -> tuple[dict[str, Any], bytes]:
         """Return how the numbers are to be read, and the numbers: little-endian int32, column after column."""

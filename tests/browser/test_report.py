@@ -93,6 +93,19 @@ def test_a_phone_shows_the_main_reason_of_each_patch(phone, report):
     assert box["x"] + box["width"] <= 390
 
 
+def test_a_phone_shows_the_whole_map_and_no_more(phone, told, report):
+    """However tall the window is."""
+    open_report(phone, report)
+    phone.set_viewport_size({"width": 390, "height": 3000})
+    box = phone.locator("#plan").bounding_box()
+    aspect = float(re.search(r"--aspect: ([\d.]+)", report.read_text())[1])
+    assert box["height"] <= max(224.0, box["width"] * aspect + 48.0) + 1.0
+    for patch in (told.head["regions"][0]["patches"][0], told.head["regions"][-1]["patches"][-1]):
+        phone.mouse.click(*place_of(phone, told, patch))
+        row = told.rows[int(re.search(r"Patch (\d+)", shown(phone))[1])]
+        assert row["centroid"][:2] == pytest.approx(told.rows[patch]["centroid"][:2], abs=2 * MOVED_BY)
+
+
 @pytest.mark.slow
 def test_a_row_a_reason_and_a_region_select_too(page, told, report):
     open_report(page, report)

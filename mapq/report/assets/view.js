@@ -11,7 +11,8 @@ Views.View = (() => {
     constructor(canvas, scene, look, onPick, eye = null, onMark = null) {
       Object.assign(this, { canvas, look, onPick, eye, onMark, density: window.devicePixelRatio || 1, paper: null });
       this.set(scene);
-      new ResizeObserver(() => this.draw()).observe(canvas);
+      // What was fitted stays so: a page that is laid out, or folded, gives the view another size.
+      new ResizeObserver(() => (this.fitted && !this.paper ? this.show(this.fitted.box) : this.draw())).observe(canvas);
       Canvas.gestures(canvas, {
         zoom: (factor, x, y) => this.zoom(factor, x, y),
         drag: (dx, dy, moves) => (eye && !moves ? this.turn(dx, dy) : this.move(dx, dy)),

@@ -201,6 +201,14 @@ def test_of_many_patches_a_page_describes_those_that_matter(tmp_path, monkeypatc
     assert "16 of 32 suspicious" in page
 
 
+def test_the_aspect_of_a_scene_is_that_of_the_taller_view():
+    flat = build_scene(
+        np.array([[0.0, 0.0, 0.0], [20.0, 5.0, 0.0]]), np.zeros(2, np.int32), np.eye(3)[2:], np.zeros(1, np.uint8), 9
+    )
+    assert 0.25 < flat.aspect < 0.6, "it is seen aslant"
+    assert flat._replace(high=np.array([20.0, 80.0, 0.0])).aspect == 4.0
+
+
 def test_areas_by_probability_and_label():
     p = np.array([0.0, 0.04, 0.96, 1.0, np.nan])
     sums, unit = histogram(p, np.array([0, 1, 1, 1, 0], np.uint8), np.array([1.0, 2.0, 4.0, 8.0, 16.0]))
