@@ -40,6 +40,10 @@ GOLDEN_RATIO = 0.6180339887498949
 
 MAX_POINTS = 400_000
 """Points that a picture shows; of more, evenly spaced ones: the rest would fall on the same pixels."""
+OUTLYING = 0.02
+"""Share of the points on each side that may lie outside the box: through windows sensors see far away."""
+MOST_BOXED = 200_000
+"""Points that this box is computed from."""
 GAP = 0.45
 """Inches between the two views."""
 AZIMUTH, ELEVATION = -60.0, 35.0
@@ -96,6 +100,10 @@ class Picture(NamedTuple):
         shown = finite[:: max(1, -(-len(finite) // MAX_POINTS))]
         if len(shown) == 0:
             raise InputError("no point to draw: no coordinate is finite.")
+        is_patch = self.scheme.layer[shown] > 0
+        if is_patch.any():  # of a bare cloud nobody knows what is stray
+            low, high = box_of(self.xyz[shown[is_patch]], self.xyz[shown])
+            shown = shown[((self.xyz[shown] >= low) & (self.xyz[shown] <= high)).all(axis=1)]
         xyz, rgb, layer = self.xyz[shown], self.scheme.rgb[shown], self.scheme.layer[shown]
         flat = {"plan": (xyz[:, :2], xyz[:, 2]), "3d": axonometric(xyz)}
         page, places = _page([Bounds.around(flat[view][0]) for view in views])
@@ -124,6 +132,17 @@ class Picture(NamedTuple):
         return buffer.getvalue()
 
 
+def box_of(inside: Floats, all_points: Floats) -> tuple[Floats, Floats]:
+    """Return the corners of a box around the points in patches, and all points but for `OUTLYING` on each side."""
+    if len(all_points) == 0:
+        return np.zeros(3), np.zeros(3)
+    some = all_points[:: max(1, len(all_points) // MOST_BOXED)]
+    low, high = np.quantile(some, (OUTLYING, 1.0 - OUTLYING), axis=0)
+    if len(inside) == 0:
+        return low, high
+    return np.minimum(low, inside.min(axis=0)), np.maximum(high, inside.max(axis=0))
+
+
 def picture_of_points(
     name: str,
     xyz: Floats,
@@ -134,6 +153,7 @@ def picture_of_points(
     colour: Colour | None = None,
     field: str = "",
     counts: tuple[int, int, int] | None = None,
+    verdict: str = "",
 ) -> Picture:
     """Return the picture of a map called `name`.
 
@@ -153,6 +173,8 @@ def picture_of_points(
         Name of the field that colour ``field`` shows.
     counts : (int, int, int), optional
         Points, patches and suspicious patches of the map, if the points are a part of it.
+    verdict : str
+        Words on what is suspicious.
     """
     chosen: Colour = colour or ("label" if np.any(label != UNLABELLED) else "patch")
     if chosen == "patch":
@@ -174,6 +196,7 @@ def picture_of_points(
     drawn = "" if len(xyz) == n_points else f"{len(xyz):,} of "
     words = f"{PurePath(name).name}  ·  {drawn}{n_points:,} points  ·  {n_patches:,} patches"
     words += f"  ·  {n_suspicious:,} suspicious" if chosen == "label" else ""
+    words += f"  ·  {verdict}" if verdict and chosen in ("label", "probability") else ""
     return Picture(xyz, scheme, TITLES.get(chosen, f"Field {field}"), words)
 
 
@@ -200,9 +223,9 @@ def probability_colours(probability: NDArray[np.floating], patch: NDArray[np.int
     rgb[patch == NO_PATCH] = BACKGROUND_RGB
     layer = np.where(patch == NO_PATCH, 0, 1 + (share[:, 0] > 0.5)).astype(np.uint8)
     legend = (
-        ("surely plausible", PLAUSIBLE_RGB),
-        ("doubtful", DOUBTFUL_RGB),
-        ("surely suspicious", SUSPICIOUS_RGB),
+        ("p 0, plausible", PLAUSIBLE_RGB),
+        ("p 0.5", DOUBTFUL_RGB),
+        ("p 1, suspicious", SUSPICIOUS_RGB),
         ("no patch", BACKGROUND_RGB),
     )
     return Scheme(rgb, layer, legend)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 from mapq.cloud import PointCloud
 from mapq.configuration import AS_IT_IS, ReadOptions
-from mapq.io.maps import read_map
+from mapq.io.maps import Row, read_map
 from mapq.io.results import RESULT_FIELDS, patch_counts
 from mapq.io.tiles import thinned
 from mapq.labels import NO_PATCH, PLAUSIBLE, SUSPICIOUS, UNLABELLED
@@ -30,7 +32,7 @@ def read_picture(
     0/1 point field, 1 shown as suspicious. `options`: as for :func:`mapq.io.read_cloud`. Raises InputError if the file
     has not what the colour needs.
     """
-    found, counts, probability = read_map(path, options), None, None
+    found, counts, probability, verdict = read_map(path, options), None, None, ""
     if isinstance(found, Patches):
         cloud, patch = found.cloud, found.patch
         label = np.append(found.label, np.uint8(UNLABELLED))[patch]
@@ -45,6 +47,7 @@ def read_picture(
             wanted = (*RESULT_FIELDS, *((field,) if field is not None and field in folder.fields else ()))
             cloud = thinned(folder, wanted, MOST_DRAWN)
             counts = (folder.n_points, *patch_counts(folder.json, found.content()[0]))
+        verdict = _verdict(found.content()[0]) if found.json.exists() else ""
         number, suspicious, probability = (cloud.fields[name] for name in RESULT_FIELDS)
         patch, label = number.astype(np.int32), suspicious.astype(np.uint8)
     is_bare = probability is None and bool((patch == NO_PATCH).all())
@@ -53,7 +56,18 @@ def read_picture(
     if colour == "field":
         label = _marks(path, cloud, field)
     xyz = cloud.metric_of(cloud.xyz)
-    return picture_of_points(path, xyz, patch, label, probability, colour=colour, field=field or "", counts=counts)
+    how: dict[str, Any] = {"colour": colour, "field": field or "", "counts": counts, "verdict": verdict}
+    return picture_of_points(path, xyz, patch, label, probability, **how)
+
+
+def _verdict(head: Row) -> str:
+    """Return the share of the area that is suspicious, at what tolerance and from what probability, by a JSON."""
+    share, p = (
+        (head.get(part) or {}).get(name) for part, name in (("counts", "share_of_area"), ("threshold", "p_suspicious"))
+    )
+    if share is None or p is None or "tolerance" not in head:
+        return ""
+    return f"{share:.1%} of the area at {head['tolerance']:.2f} m, from p {p:.2f}"
 
 
 def _marks(path: str, cloud: PointCloud, field: str | None) -> NDArray[np.uint8]:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapq.labels import NO_PATCH, SUSPICIOUS
+from mapq.picture import box_of
 
 VIEWS = (("mapq.report", "scene.js"), ("mapq.report", "view.js"))
 """Scripts of the views of a scene, which the report and the labelling page share."""
@@ -15,11 +16,6 @@ EYE = (-1.05, 0.6)
 """Radians: turn and rise of the 3D view at first, as report.js has it."""
 MOST_OUTLINES = 20_000
 """Patches with an outline: suspicious ones first, then the largest; the rest are points alone."""
-
-OUTLYING = 0.02
-"""Share of the points on each side that may lie outside the box: through windows sensors see far away."""
-MOST_BOXED = 200_000
-"""Points that this box is computed from."""
 
 N_DIRECTIONS = 24
 """Directions in which the outermost point of a patch is a corner:  its hull, without corners blunter than 15°."""
@@ -95,7 +91,7 @@ def build_scene(
     without = loose[evenly(xyz[loose], patch[loose], n_loose)] if n_loose else loose[:0]
     start = np.concatenate([[0], np.cumsum(np.bincount(patch[shown], minlength=n_patches)), [0]]).astype(np.int64)
     start[-1] = len(shown) + len(without)
-    low, high = _box(xyz[order], xyz[finite])
+    low, high = box_of(xyz[order], xyz[finite])
     return PageScene(
         xyz[np.concatenate([shown, without])],
         start,
@@ -198,17 +194,6 @@ def _firsts(places: Floats, group: NDArray[np.int32], size: float) -> NDArray[np
         key = cell @ _ODD[:3] + group.astype(np.int64).astype(np.uint64) * _ODD[3]
         key ^= key >> np.uint64(29)
     return np.unique(key, return_index=True)[1]
-
-
-def _box(inside: Floats, all_points: Floats) -> tuple[Floats, Floats]:
-    """Return the corners of a box around the points in patches, and all points but for `OUTLYING` on each side."""
-    if len(all_points) == 0:
-        return np.zeros(3), np.zeros(3)
-    some = all_points[:: max(1, len(all_points) // MOST_BOXED)]
-    low, high = np.quantile(some, (OUTLYING, 1.0 - OUTLYING), axis=0)
-    if len(inside) == 0:
-        return low, high
-    return np.minimum(low, inside.min(axis=0)), np.maximum(high, inside.max(axis=0))
 
 
 def _chosen_outlines(

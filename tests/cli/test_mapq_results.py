@@ -76,7 +76,11 @@ def test_a_result_in_its_words(capsys, result, tmp_path):
     code, out, _ = call(capsys, "render", result, "-o", tmp_path / "r.png", "--view", "plan")
     assert (code, out) == (0, "")
     assert (tmp_path / "r.png").read_bytes().startswith(b"\x89PNG")
-    assert read_picture(str(result)).subtitle.endswith("32 patches  ·  16 suspicious")
+    head = json.loads(result.with_suffix(".json").read_text())
+    verdict = (
+        f"{head['counts']['share_of_area']:.1%} of the area at 0.30 m, from p {head['threshold']['p_suspicious']:.2f}"
+    )
+    assert read_picture(str(result)).subtitle.endswith(f"32 patches  ·  16 suspicious  ·  {verdict}")
 
 
 def test_a_cloud_with_labels_of_points_is_drawn_by_these(result):

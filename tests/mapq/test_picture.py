@@ -77,6 +77,16 @@ class TestPicture:
         for rgb in (PLAUSIBLE_RGB, SUSPICIOUS_RGB):
             assert np.count_nonzero(np.abs(pixels - rgb).max(axis=2) < 0.02) > 100
 
+    def test_stray_points_do_not_widen_it(self) -> None:
+        xyz, patch, label = walls()
+        stray, whole = np.flatnonzero(patch == NO_PATCH)[:5], Picture(xyz, label_colours(label, patch), "t", "s")
+        xyz = xyz.copy()
+        xyz[stray] = 500.0
+        widths = [np.ptp(each.draw(("plan",)).axes[0].get_xlim()) for each in (whole, whole._replace(xyz=xyz))]
+        assert widths[1] == pytest.approx(widths[0], rel=0.05)
+        bare = Picture(xyz, patch_colours(np.full(len(xyz), NO_PATCH, np.int32)), "t", "s")
+        assert np.ptp(bare.draw(("plan",)).axes[0].get_xlim()) > 400.0
+
     def test_points_that_are_not_finite_are_left_out(self) -> None:
         xyz, patch, label = walls()
         xyz[::3] = np.nan
