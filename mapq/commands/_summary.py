@@ -106,8 +106,8 @@ def _tolerance(result: Result, limits: Mapping[str, Any]) -> str:
     verdict, words = result.verdict(**limits), f"{result.tolerance:.2f} m"
     if verdict["resolution_m"] != verdict["resolution_m"]:
         return f"{words}; scans are not known, so copies are found by points alone"
-    left = f"leave {verdict['unresolved_share_of_area']:.1%} of the area open at that"
-    return f"{words}; scans resolve {verdict['resolution_m']:.3f} m, and {left}"
+    left = f"of {verdict['unresolved_share_of_area']:.1%} of the area they do not show whether it is farther apart"
+    return f"{words}; scans resolve {verdict['resolution_m']:.3f} m; {left}"
 
 
 def _verdict(result: Result, limits: Mapping[str, Any]) -> str:

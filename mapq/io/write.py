@@ -82,7 +82,7 @@ def written_suffix(path: str) -> str:
     if suffix in WRITERS or suffix in LAS_SUFFIXES:
         return suffix
     if suffix in FORMATS:
-        logger.warning("%s: %s is read, not written; the default output is a PLY", path, suffix[1:].upper())
+        logger.info("%s: %s is read, not written; the default output is a PLY", path, suffix[1:].upper())
     return ".ply"
 
 

@@ -91,15 +91,10 @@ def _facts(findings: Findings) -> Iterator[tuple[str, str]]:
         )
     if verdict.get("resolution_m") is not None:
         resolved = f"{number(verdict['resolution_m'], 3)} m in the median"
-        yield (
-            "scans resolve",
-            f"{resolved}; {percent(verdict.get('unresolved_share_of_area'))} of the area is left open",
-        )
+        left = percent(verdict.get("unresolved_share_of_area"))
+        yield "scans resolve", f"{resolved}; of {left} of the area they do not show whether it is farther apart"
     expected = percent(counts.get("expected_share_of_area"))
-    words = (
-        "of the surface that was judged is wrong, by the p of all patches, if the map is like those they were fitted to"
-    )
-    yield "expected", f"{expected} {words}"
+    yield "expected", f"{expected} of the surface judged is wrong by the mean of p, if p holds for maps like this one"
     if verdict.get("cause") is not None and cloud.fields.get("cause") is not None:
         areas = findings.part("verdict", "area_by_cause_m2")
         yield "causes", escape(", ".join(f"{name} {number(value)} m²" for name, value in areas.items() if value))
@@ -297,6 +292,7 @@ def _page(findings: Findings, scene: PageScene, title: str) -> str:
         "unit": unit,
         "share": percent(findings.part("counts").get("share_of_area")),
         "aspect": f"{scene.aspect:.3f}",
+        "evidence": "how far the scans that see it disagree, by " if findings.head.get("scans") else "",
         "shown": f"{len(scene.points):,} of {scene.n_points:,} points shown, evenly spread",
         "regions": region_table(findings),
         "poses": pose_tables(findings),

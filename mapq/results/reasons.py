@@ -168,8 +168,9 @@ def pair_words(values: dict[str, float], other: int) -> str:
         where = f"at least {inwards:.0%} of the way from the edges to the middle"
         return f"crosses patch {other} at {angle:.3g} degrees, {where}"
     if overlap <= TOUCHING:
-        away = f"{values['separation']:.2f} m from patch {other}, at {angle:.0f} degrees"
-        return f"{away}, neither overlapping nor crossing it"
+        apart = values["separation"]
+        away = f"{apart:.2f} m from patch {other}," if apart >= 0.01 else f"touches patch {other}"
+        return f"{away} at {angle:.0f} degrees, neither overlapping nor crossing it"
     how = f"parallel to patch {other} at" if angle < PARALLEL_DEG else f"at {angle:.0f} degrees over patch {other} at"
     return f"{how} {values['offset']:.2f} m, overlap {overlap:.0%}{context_words(values)}"
 

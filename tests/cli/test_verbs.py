@@ -78,6 +78,12 @@ def test_a_tool_lists_its_verbs_and_its_version(tool: str, tmp_path: Path) -> No
         assert (misspelt.code, f"Did you mean '{verb}'" in misspelt.err) == (2, True)
 
 
+def test_a_verb_of_the_other_tool_leads_to_that_of_this_one(tmp_path: Path) -> None:
+    done = call("mapq info map.ply", tmp_path)
+    assert done.code == 2
+    assert done.err == "error: No such command 'info'. Did you mean 'inspect'? See 'mapq --help'.\n"
+
+
 @pytest.mark.parametrize("tool", TOOLS)
 def test_bash_completes_verbs(tool: str, tmp_path: Path) -> None:
     program = tmp_path / tool

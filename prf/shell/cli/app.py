@@ -22,6 +22,9 @@ EXIT_CODES = """Exit codes:
   70   internal error (rerun with -vv for the traceback)
   130  interrupted (143 by SIGTERM), after a checkpoint where the verb keeps one"""
 
+SAME = {"info": "inspect"}
+"""Verbs of one tool to what the other calls the same."""
+
 _CONTEXT: dict[str, Any] = {"help_option_names": ["-h", "--help"], "max_content_width": 110}
 
 
@@ -45,6 +48,13 @@ class LazyGroup(TyperGroup):
         command = make_command(getattr(module, function_name), module.EXAMPLES)
         _name_variables(command, f"{self.name}_{cmd_name}")
         return command
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """Find the verb that is called; that of the other tool for the same is named, as misspelt ones are."""
+        meant = SAME.get(args[0], "")
+        if args[0] not in self.verbs and meant in self.verbs:
+            ctx.fail(f"No such command {args[0]!r}. Did you mean {meant!r}?")
+        return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """Write the table of verbs without importing any."""

@@ -157,6 +157,10 @@ PAIR = {"angle_deg": 1.0, "overlap": 0.0, "crossing": 0.0, "offset": 0.32, "sepa
             "parallel to patch 41 at 0.32 m, overlap 80%, seen from opposite sides: two faces of one wall",
         ),
         ({"overlap": 0.8, "facing_away": 0.1}, "parallel to patch 41 at 0.32 m, overlap 80%"),
+        (
+            {"angle_deg": 88.0, "separation": 0.001},
+            "touches patch 41 at 88 degrees, neither overlapping nor crossing it",
+        ),
         ({"angle_deg": 88.0}, "0.30 m from patch 41, at 88 degrees, neither overlapping nor crossing it"),
     ],
 )
