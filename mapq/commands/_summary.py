@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 N_POSES = 10
 """Scans, and edges, that -v lists."""
+DOUBT, MUCH_DOUBT = 0.1, 0.1
+"""Probability above which what is called plausible is in doubt, and the share of the area of which that is much."""
 
 
 def summary_lines(result: Result, target: str, limits: Mapping[str, Any]) -> Iterator[str]:
@@ -105,9 +107,21 @@ def _tolerance(result: Result, limits: Mapping[str, Any]) -> str:
     """Return the tolerance, what scans resolve, and how much of the area they do not decide at it."""
     verdict, words = result.verdict(**limits), f"{result.tolerance:.2f} m"
     if verdict["resolution_m"] != verdict["resolution_m"]:
-        return f"{words}; scans are not known, so copies are found by points alone"
+        return f"{words}; scans are not known, so copies are found by points alone{_advice(result)}"
     left = f"of {verdict['unresolved_share_of_area']:.1%} of the area they do not show whether it is farther apart"
     return f"{words}; scans resolve {verdict['resolution_m']:.3f} m; {left}"
+
+
+def _advice(result: Result) -> str:
+    """Return where to look next if points alone leave much of a map in doubt; else nothing."""
+    from mapq.results.content import share_of
+    from mapq.results.verdict import LEAST_TOLERANCE
+
+    in_doubt = ~result.is_suspicious & (result.probability > DOUBT)
+    share = share_of(float(result.area[in_doubt].sum()), float(result.area.sum()))
+    if not share >= MUCH_DOUBT or not result.model.tolerances[0] <= LEAST_TOLERANCE < result.tolerance:
+        return ""
+    return f"; {share:.0%} of the area is in doubt (p above {DOUBT:g}), try --tolerance {LEAST_TOLERANCE:g}"
 
 
 def _verdict(result: Result, limits: Mapping[str, Any]) -> str:

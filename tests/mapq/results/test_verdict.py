@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from mapq.commands._summary import summary_lines
 from mapq.features.context import DISAGREEMENT
 from mapq.results.result import assess
 from mapq.results.verdict import resolution_of, tolerance_of
@@ -45,6 +46,23 @@ def test_a_tolerance_is_chosen_by_what_is_known(result):
         features = scanned(result, *bounds(result, width)).features
         assert resolution_of(features) == pytest.approx(0.5 * width)
         assert tolerance_of(features, model, None) == pytest.approx(expected)
+
+
+def test_a_smaller_tolerance_is_advised_where_points_alone_leave_much_in_doubt(result):
+    def line(model, p):
+        labelling = result.labelling._replace(probability=np.where(result.is_suspicious, 0.9, p).astype(np.float32))
+        (found,) = (
+            line
+            for line in summary_lines(replace(result, model=model, labelling=labelling), "r.ply", {})
+            if line.startswith("tolerance")
+        )
+        return found
+
+    model = replace(result.model, tolerances=ALL)
+    share = result.area[~result.is_suspicious].sum() / result.area.sum()
+    assert line(model, 0.2).endswith(f"; {share:.0%} of the area is in doubt (p above 0.1), try --tolerance 0.1")
+    assert line(model, 0.05).endswith("found by points alone")
+    assert line(result.model, 0.2).endswith("found by points alone"), "it learnt no smaller one"
 
 
 def test_a_tolerance_that_the_model_did_not_learn_is_refused(result):
