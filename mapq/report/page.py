@@ -211,8 +211,8 @@ def pose_tables(findings: Findings) -> str:
             )
             for row in edges[:MAX_REGIONS]
         ]
-        names = ["edge", "off <small>m</small>", "turned <small>°</small>", "p"]
-        text += table(names, _marked(off, edges), "scans")
+        of_edges = ["edge", "off <small>m</small>", "turned <small>°</small>", "p"]
+        text += table(of_edges, _marked(off, edges), "scans")
     also = ", and how far edges are off what the clouds say" if edges else ""
     note = (
         f"The shift and turn that the other scans ask of each, {DASH} where it may be right{also}, and the suspicious "
