@@ -33,7 +33,7 @@ WIDTH_IN_THICKNESS = 4.0
 """Standard deviations along the short side by those across: less is a slab of points, not a surface."""
 CELL_IN_SPACING = 2.0
 """Side of the cells by which areas are counted: a cell on a surface holds four points, so few stay empty."""
-MANY_NARROW, MANY_REPEATED = 0.05, 0.01
+MANY_NARROW, MANY_REPEATED = 0.05, 0.2
 """Shares of the points of which there is a warning."""
 
 Floats = NDArray[np.float64]
