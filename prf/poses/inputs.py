@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shlex
+from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
@@ -57,7 +58,7 @@ def sort_files(paths: list[str]) -> Inputs:
     ranges: Ranges | None = None
     poses: dict[str, PoseFile] = {}
     for path in paths:
-        for role, words, content in _parts(path):
+        for role, words, content in _parts_beside(path, paths):
             if role == "poses" and isinstance(content, PoseFile):
                 role = _role_of_poses(path, words, roles)
                 poses[role] = content
@@ -124,6 +125,18 @@ def _parts(path: str) -> list[tuple[str, str, Ranges | PoseFile | None]]:
             raise
     found = read_pose_file(path)
     return [("poses", _of_poses(found), found)]
+
+
+def _parts_beside(path: str, paths: list[str]) -> list[tuple[str, str, Ranges | PoseFile | None]]:
+    """Return the parts of a file; where it has none, the error says what the others are too."""
+    try:
+        return _parts(path)
+    except InputError as error:
+        others = list[str]()
+        for other in dict.fromkeys(paths):
+            with suppress(InputError):
+                others += [f"{other} is {role}, {words}" for role, words, _ in _parts(other) if other != path]
+        raise InputError(f"{error} {'; '.join(others)}{'.' * bool(others)}".strip()) from error
 
 
 def _is_pose_like(data: bytes) -> bool:

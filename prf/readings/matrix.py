@@ -1,14 +1,15 @@
 """Ranges alone: a text or an array of numbers, one scan a row, as MATLAB and numpy write them; poses come from a file.
 
 The directions of the columns are given, counter-clockwise from straight ahead, unless a file of several arrays (.mat,
-.npz) has them. A first column that rises, beside the ranges, is the time. ``inf`` is no return; 0 and nan are no
-measurement, dropped and counted.
+.npz) has them. A text may begin with a line of names, one a column. A first column that rises, beside the ranges, or
+that is called so, is the time. ``inf`` is no return; 0 and nan are no measurement, dropped and counted.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from itertools import chain, islice
 from typing import NamedTuple
 
 import numpy as np
@@ -16,7 +17,7 @@ import numpy as np
 from prf.readings.readings import LogNotes, Readings, ScanTable
 from prf.readings.text import MEND, FloatArray, IntArray, check_domains, content_lines
 from prf.shell.errors import ConfigError, InputError
-from prf.shell.poses.files import NUMPY_MAGIC, array_of
+from prf.shell.poses.files import NUMPY_MAGIC, array_of, in_seconds, pose_columns, table_cells
 from prf.shell.poses.named import ODOMETRY, is_named, named_arrays
 
 FEWEST = 9
@@ -25,6 +26,8 @@ POSE_MATRICES = (12, 16)
 """Numbers in a row that may be a matrix: beside other ranges they are poses."""
 FEWEST_TIMES = 20
 """Rising numbers in a first column that are times."""
+OF_BEAMS = {"x", "y", "theta", "range"}
+"""Names of columns of a table of a beam a row; two of them are one."""
 
 
 class Ranges(NamedTuple):
@@ -35,6 +38,7 @@ class Ranges(NamedTuple):
     time: FloatArray  # (n,) seconds, nan where unknown
     direction: FloatArray | None  # (w,) radians, if the file has them
     words: str  # what else there is to know, for a person
+    time_unit: float | None = None  # seconds, of a first column that a header calls time
 
 
 def beam_directions(text: str) -> FloatArray:
@@ -53,7 +57,7 @@ def looks_like_matrix(data: bytes, fewest: int = FEWEST) -> bool:
     """Return whether data are an array of numpy, or a text whose first two lines are as many numbers, not too few."""
     if data.startswith(NUMPY_MAGIC) or is_named(data):
         return True
-    rows = [_fields(line) for _, line in zip(range(2), (line for _, line in content_lines(data)), strict=False)]
+    rows = [_fields(line) for _, line in islice(_rows(data), 2)]
     return bool(rows) and all(len(row) >= fewest and len(row) == len(rows[0]) and _are_numbers(row) for row in rows)
 
 
@@ -68,8 +72,9 @@ def ranges_of(data: bytes, source: str, n_directions: int | None = None) -> Rang
     n, width = found.ranges.shape
     if n_directions == n != width:
         found = _plain(found.ranges.T)._replace(words="a scan a column")
-    elif n >= FEWEST_TIMES and width != n_directions and (np.diff(found.ranges[:, 0]) > 0.0).all():
-        found = found._replace(ranges=found.ranges[:, 1:], time=found.ranges[:, 0], words="the first column is time")
+    elif width != n_directions and (found.time_unit or n >= FEWEST_TIMES) and _rises(found.ranges[:, 0]):
+        time = in_seconds(found.ranges[:, 0] * (found.time_unit or 1.0))
+        found = found._replace(ranges=found.ranges[:, 1:], time=time, words="the first column is time")
     return found
 
 
@@ -122,7 +127,7 @@ def _plain(ranges: FloatArray, line: IntArray | None = None) -> Ranges:
 def _text_ranges(data: bytes, source: str) -> Ranges:
     """Return the rows of a text."""
     lines, rows = [], list[list[bytes]]()
-    for number, text in content_lines(data):
+    for number, text in _rows(data):
         fields = _fields(text)
         if rows and len(fields) != len(rows[0]):
             raise InputError(f"{source}:{number}: {len(fields)} ranges, but {len(rows[0])} before. {MEND}")
@@ -130,7 +135,33 @@ def _text_ranges(data: bytes, source: str) -> Ranges:
             raise InputError(f"{source}:{number}: a range is not a number. {MEND}")
         lines.append(number)
         rows.append(fields)
-    return _plain(np.array(rows, np.float64), np.array(lines))
+    names = header_names(next(filter(None, map(bytes.strip, data.splitlines()))))
+    _, time_unit = pose_columns(names[:1]).get("t", (0, None))
+    found = _plain(np.array(rows, np.float64), np.array(lines))
+    return found._replace(time_unit=time_unit if len(names) == len(rows[0]) else None)
+
+
+def header_names(line: bytes) -> list[str]:
+    """Return the names in a line that heads columns, a comment or not, without quotes."""
+    return table_cells(line.decode("utf-8", "replace").lstrip("#% "))
+
+
+def _rows(data: bytes) -> Iterator[tuple[int, bytes]]:
+    """Yield number and text of every line with content but a header: names, one a column, not those of other tables."""
+    lines = content_lines(data)
+    first, second = next(lines, None), next(lines, None)
+    both = [each for each in (first, second) if each is not None]
+    yield from chain(both[len(both) == 2 and _is_header(both[0][1], both[1][1]) :], lines)
+
+
+def _is_header(first: bytes, second: bytes) -> bool:
+    names, row = header_names(first), _fields(second)
+    is_other = len(OF_BEAMS.intersection(map(str.lower, names))) >= 2 or {"x", "y"} <= pose_columns(names).keys()
+    return not is_other and len(names) == len(row) and _are_numbers(row) and not _are_numbers(_fields(first))
+
+
+def _rises(values: FloatArray) -> bool:
+    return bool((np.diff(values) > 0.0).all())
 
 
 def wide_arrays(arrays: Mapping[str, FloatArray]) -> dict[str, FloatArray]:

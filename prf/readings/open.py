@@ -15,13 +15,13 @@ from prf.model.sensors import CONE
 from prf.readings.bag import read_bag
 from prf.readings.carmen import KNOWN_KINDS, read_carmen
 from prf.readings.directions import usual_angles
-from prf.readings.matrix import has_directions, looks_like_matrix, ranges_of, read_matrix
+from prf.readings.matrix import FEWEST, has_directions, header_names, looks_like_matrix, ranges_of, read_matrix
 from prf.readings.player import read_player
 from prf.readings.poses import GivenPoses, placed
 from prf.readings.readings import Kind, OwnPoses, Readings
 from prf.readings.several import join_logs, warn_of_frames
 from prf.readings.table import REQUIRED, read_table
-from prf.readings.text import BYTE_ORDER_MARK, column_names, decompress
+from prf.readings.text import BYTE_ORDER_MARK, column_names, content_lines, decompress
 from prf.shell.cli.files import STREAM, open_input
 from prf.shell.errors import ConfigError, InputError
 from prf.shell.poses.bag import HEAD, bag_in, bag_suffix
@@ -36,6 +36,8 @@ ACCEPTED = (
     "x,y,theta,range, and ranges a row a scan with --beam-angles and --poses; also gzipped."
 )
 
+MOST_SHOWN = 40
+"""Characters of a line that a message shows."""
 LINES_TRIED = 2000
 """A text log may begin with hundreds of lines that an older tool wrote; a known first field is among these."""
 
@@ -302,4 +304,15 @@ def _text_of(head: bytes) -> str:
         return "this is a table whose columns are not separated by commas"
     if re.fullmatch(r"[-+\d.e\s]+(,[-+\d.e\s]*)+", first):
         return "this is a CSV table without a header line"
-    return "this is text of an unknown format"
+    return f"this is text of an unknown format{_first_lines(head)}"
+
+
+def _first_lines(head: bytes) -> str:
+    """Return what its first lines are, as far as that helps."""
+    first, second = (list(islice(content_lines(head), 2)) + [(0, b"")] * 2)[:2]
+    names, numbers = header_names(first[1]), re.split(rb"[\s,;]+", second[1].strip(b" \t\r,;"))
+    start = first[1].decode("utf-8", "replace").strip()
+    words = f": line {first[0]} begins {start[:MOST_SHOWN]!r}"
+    if re.fullmatch(rb"[-+\d.eEnaif\s,;]+", second[1]) and len(numbers) >= FEWEST != len(names):
+        words += f" and has {len(names)} fields, line {second[0]} has {len(numbers)} numbers"
+    return words

@@ -213,6 +213,40 @@ def test_a_first_column_that_rises_is_time(tmp_path: Path) -> None:
     )
 
 
+@pytest.mark.parametrize("name", ["time", "t", "timestamp", "# stamp", "t [ms]", '"time"'])
+@pytest.mark.parametrize("n", [60, 10])
+def test_a_first_line_of_names_is_a_header_and_says_what_is_time(tmp_path: Path, name: str, n: int) -> None:
+    unit = 1e-3 if "ms" in name else 1.0
+    rows = np.column_stack([0.5 * np.arange(n) / unit, RANGES[:n]])
+    header = ",".join([name, *(f"r{i}" for i in range(180))])
+    np.savetxt(tmp_path / "a.csv", rows, fmt="%.6f", delimiter=",", header=header, comments="")
+    files = [str(tmp_path / "a.csv"), text(tmp_path, "b.txt", TRUTH[:n])]
+    assert sort_files(files).rows[0][1].startswith(f"ranges: {n} scans of 180 beams")
+    readings = read_readings(files[0], poses=read_poses(files[1], 2.0), beam_angles="-90:1:89")
+    np.testing.assert_allclose(readings.time[::180], 0.5 * np.arange(n))
+    np.testing.assert_allclose(readings.range, RANGES[:n].ravel(), atol=1e-6)
+    assert readings.notes.scans.line[0] == 2
+
+
+def test_a_header_of_a_pose_or_a_beam_a_row_is_none_of_ranges(tmp_path: Path) -> None:
+    names = ["scan,t,x,y,theta,sd_x,sd_y,sd_theta,cov_xy,cov_xt,cov_yt", "theta,range,t,a,b,c,d,e,f"]
+    for header, kind in zip(names, ("poses: ", "a table"), strict=True):
+        rows = np.tile(np.arange(len(header.split(","))) + 1.0, (30, 1))
+        np.savetxt(tmp_path / "a.csv", rows, fmt="%g", delimiter=",", header=header, comments="")
+        assert sort_files([str(tmp_path / "a.csv")]).rows[0][1].startswith(kind)
+
+
+def test_a_file_that_is_not_read_is_named_with_its_line_and_what_the_others_are(tmp_path: Path) -> None:
+    names = ",".join(f"r{i}" for i in range(179))
+    np.savetxt(tmp_path / "a.csv", RANGES, fmt="%.3f", delimiter=",", header=names, comments="")
+    with pytest.raises(InputError) as caught:
+        sort_files([str(tmp_path / "a.csv"), text(tmp_path, "b.txt", TRUTH)])
+    words = str(caught.value)
+    assert "line 1 begins 'r0,r1" in words
+    assert "has 179 fields, line 2 has 180 numbers" in words
+    assert words.endswith("b.txt is poses, 60 rows (x y theta).")
+
+
 @pytest.mark.parametrize("jitter", [0.0, 0.5])
 def test_headings_in_degrees_are_known_by_the_way_or_by_turns(tmp_path: Path, jitter: float) -> None:
     rng = np.random.default_rng(2)

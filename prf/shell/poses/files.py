@@ -343,7 +343,7 @@ def _words(line: str) -> list[str]:
     return [field for field in re.split(r"[\s,;]+", line) if field]
 
 
-def _cells(line: str) -> list[str]:
+def table_cells(line: str) -> list[str]:
     """Return the fields of a row of a table, empty ones among them."""
     separator = next((mark for mark in ",;\t" if mark in line), None)
     return [field.strip().strip("\"'") for field in line.split(separator)]
@@ -357,7 +357,7 @@ def _is_number(text: str) -> bool:
     return True
 
 
-def _columns(names: Sequence[str]) -> dict[str, tuple[int, float]]:
+def pose_columns(names: Sequence[str]) -> dict[str, tuple[int, float]]:
     """Return what the columns mean, by their names."""
     found: dict[str, tuple[int, float]] = {}
     for place, name in enumerate(names):
@@ -372,10 +372,10 @@ def _columns(names: Sequence[str]) -> dict[str, tuple[int, float]]:
 def _of_table(lines: Sequence[str], source: str) -> _Rows | None:
     """Return the known columns of rows below a header, which may be a comment, in seconds and radians; None without."""
     content = [(number, line.strip()) for number, line in enumerate(lines, 1) if line.strip()]
-    data = [(number, _cells(line)) for number, line in content if not line.startswith("#")]
+    data = [(number, table_cells(line)) for number, line in content if not line.startswith("#")]
     for number, line in content:
-        names, is_comment = _cells(line.lstrip("#% ")), line.startswith("#")
-        columns = _columns(names)
+        names, is_comment = table_cells(line.lstrip("#% ")), line.startswith("#")
+        columns = pose_columns(names)
         if {"x", "y"} <= columns.keys() and ("theta" in columns or {"qx", "qy", "qz", "qw"} <= columns.keys()):
             if not is_comment or (data and len(data[0][1]) == len(names)):
                 break
