@@ -225,6 +225,7 @@ def _summary(
 
     from prf.results.run import Agreement
     from prf.shell.cli import console
+    from prf.shell.cli.console import wrapped_lines
     from prf.shell.cli.pictures import counted
 
     assert run.diagnostics is not None
@@ -244,7 +245,7 @@ def _summary(
     if not diagnostics["converged"] and (advice := _advice(run, folder)):
         yield advice
     if run.trajectory is not None and len(run.trajectory.draws):
-        yield f"Trajectory: {run.trajectory.words()}; {folder}/trajectory.csv"
+        yield from wrapped_lines(f"Trajectory: {run.trajectory.words()}; {folder}/trajectory.csv")
     if run.building is not None:
         yield _building(run.building)
     for dispute in disputes:

@@ -23,6 +23,8 @@ APART, LEAST_APART = 2.0, 0.03
 """Chains disagree on a place if their means lie so many times as far apart as the draws of each, and so many metres."""
 MOST_NAMED = 3
 """Steps in which the robot slipped, in words."""
+MAX_RHAT = 1.1
+"""R-hat of the poses before and after a step below which chains agree on whether the robot slipped in it."""
 FEW = 0.05
 """Share of the poses on which they may."""
 
@@ -168,12 +170,32 @@ class Trajectory:
             return np.zeros(len(self.disputed.tail))
         return np.asarray(np.mean([self.disputed.hold(self.given + draw) for draw in self.draws], axis=0))
 
+    @cached_property
+    def _settled(self) -> NDArray[np.bool_]:
+        """Which poses (n,) chains agree on: split R-hat of each coordinate below :data:`MAX_RHAT`."""
+        half = np.zeros(len(self.draws), np.int32)
+        for chain in np.unique(self._chains):
+            own = np.flatnonzero(self._chains == chain)
+            half[own] = 2 * chain + (2 * np.arange(len(own)) >= len(own))
+        within, between, n_halves = Spread.of(self._error, half)
+        inside, apart = (np.diagonal(each, axis1=1, axis2=2) for each in (within, between))
+        share = 1.0 - n_halves / len(self.draws)
+        return np.asarray((share * (1.0 + apart / np.maximum(inside, 1e-300)) < MAX_RHAT**2).all(axis=1))
+
+    def _slipped(self, settled: bool) -> NDArray[np.int64]:
+        """Return the steps in which the robot probably slipped, where chains agree on the poses, or where they do not.
+
+        Of chains that disagree each may have a place of its own, and then a slip that no other has.
+        """
+        found = np.flatnonzero(self.slips > 0.5)
+        return found[(self._settled[found] & self._settled[found + 1]) == settled] if len(found) else found
+
     def slip_rows(self) -> list[dict[str, Any]]:
-        """Return the steps in which the robot probably slipped or was carried, the largest first.
+        """Return the steps in which the robot probably slipped or was carried, the largest first, if chains agree there.
 
         scan, t: of the pose before the step; metres, radians: by how much it differs from the odometry's; probability.
         """
-        found = np.flatnonzero(self.slips > 0.5)
+        found = self._slipped(settled=True)
         if self.prior is None or not len(found):
             return []
         off = seen_from(self.mean[found], self.mean[found + 1]) - self.prior.motion[found]
@@ -228,11 +250,19 @@ class Trajectory:
         inside, apart = (np.sqrt(each[:, 0, 0] + each[:, 1, 1]) for each in (within, between))
         differs = apart > np.maximum(APART * inside, LEAST_APART)
         if differs.mean() <= FEW:
-            return ""
+            return self._open_slips()
         worst = self.scan[int(np.argmax(apart))]
         return (
             f"chains differ by {length_in_words(apart.max())} at scan {worst}, and on {differs.mean():.0%} of the poses"
         )
+
+    def _open_slips(self) -> str:
+        """Return in words where it is open whether the robot slipped, as chains do not agree; empty where nowhere."""
+        found = self._slipped(settled=False)
+        if not len(found):
+            return ""
+        steps = f"{len(found)} steps, the first" if len(found) > 1 else "a step"
+        return f"whether the robot slipped in {steps} after scan {self.scan[found[0]]}, where chains do not agree"
 
     def ellipses(self) -> Floats:
         """Return the half axes (n, 2, 2), metres, of ellipses round the means that hold each place at 95 %."""

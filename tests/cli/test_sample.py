@@ -68,7 +68,9 @@ def test_uncertain_poses_are_sampled_and_reported(
     printed = capsys.readouterr()
     found = read_run(folder)
     assert found.trajectory is not None
-    assert f"Trajectory: {found.trajectory.words()}; {folder}/trajectory.csv" in printed.out + printed.err
+    assert f"Trajectory: {found.trajectory.words()}; {folder}/trajectory.csv" in " ".join(
+        (printed.out + printed.err).split()
+    )
     assert found.trajectory.draws.shape == (len(found.draws), 4, 3)
     # Errors of .05 m on each axis, and Student's factor for two pairs of chains that have hardly left their starts.
     assert 0.0 < found.trajectory.figures()["mean_sd_m"] < 0.05 * np.sqrt(2.0) * 2.2

@@ -10,6 +10,7 @@ import io
 import logging
 import os
 import sys
+import textwrap
 import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping
@@ -95,6 +96,11 @@ def summarize(text: str) -> None:
     """Print a line for a person on standard output, about a result that is written to a file; not under ``-q``."""
     if settings.verbosity >= 0:
         print(text)
+
+
+def wrapped_lines(text: str) -> list[str]:
+    """Return a long line for a person in lines of at most 120 characters, names of files whole."""
+    return textwrap.wrap(text, 120, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False)
 
 
 def is_verbose() -> bool:
