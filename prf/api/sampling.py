@@ -135,7 +135,7 @@ def sample(
     on_interrupt : {"return", "raise"}
         What Ctrl-C, or a notebook's stop button, does after the round: return the run so far, with status
         "interrupted"; or raise :class:`prf.shell.errors.Interrupted`, after writing it if there is an `output` (then
-        SIGTERM does so too). A second Ctrl-C raises KeyboardInterrupt at once.
+        SIGTERM does so too). A second Ctrl-C raises KeyboardInterrupt at once, and so does one before the first round.
 
     Returns
     -------
@@ -265,9 +265,10 @@ def _supervised(
     logger.info(session.describe())
     session.open()
     signals = (signal.SIGINT, signal.SIGTERM) if on_interrupt == "raise" else (signal.SIGINT,)
-    with graceful_stop(signals) as stop, reported(progress, 1.0, "sampling") as reporter:
+    with graceful_stop(signals, has_result=False) as stop, reported(progress, 1.0, "sampling") as reporter:
 
         def after_round(found: Progress) -> bool:
+            stop.has_result = True
             session.progress = found
             reporter(found.share, **_shown(session))
             if watch is not None:

@@ -118,7 +118,12 @@ def _cool(
     readings = describe_readings(prepared.target, prepared.n_beams_thinned)
     logger.info(f"{readings}, {counted(config.sampler.chains, 'chain')}, seed {seed}")
     pool = ThreadPoolExecutor(threads or len(os.sched_getaffinity(0)))
-    with pool, graceful_stop() as stop, progress(1.0, "annealing") as reporter:
+    with pool, graceful_stop(has_result=False) as stop, progress(1.0, "annealing") as reporter:
+
+        def shown(now: Annealed) -> None:
+            stop.has_result = True
+            reporter(now.share, T=f"{now.temperature:.2g}", best=f"{now.score:,.1f}")
+
         found = cool(
             prepared.target,
             spawn_generators(seed, config.sampler.chains),
@@ -126,7 +131,7 @@ def _cool(
             pool.map,
             config.anneal,
             starts_from=prepared.config.sampler.start or "empty",
-            on_progress=lambda now: reporter(now.share, T=f"{now.temperature:.2g}", best=f"{now.score:,.1f}"),
+            on_progress=shown,
             stop_requested=lambda: stop.requested,
         )
     if budget is not None and not stop.requested:

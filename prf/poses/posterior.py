@@ -191,7 +191,7 @@ class Trajectory:
         return found[(self._settled[found] & self._settled[found + 1]) == settled] if len(found) else found
 
     def slip_rows(self) -> list[dict[str, Any]]:
-        """Return the steps in which the robot probably slipped or was carried, the largest first, if chains agree there.
+        """Return the steps, settled ones, in which the robot probably slipped or was carried, the largest first.
 
         scan, t: of the pose before the step; metres, radians: by how much it differs from the odometry's; probability.
         """

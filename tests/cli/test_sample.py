@@ -249,10 +249,8 @@ def test_a_signal_leaves_a_run_that_can_be_resumed(
         env=os.environ | {"LC_ALL": "C"},
     )
     assert process.stderr is not None
-    line = process.stderr.readline()
-    while "chains, seed" not in line:
-        line = process.stderr.readline()
-    time.sleep(2.0)
+    while "sampling" not in process.stderr.readline():  # said after a round: before one nothing is kept
+        pass
     process.send_signal(number)
     _, errors = process.communicate(timeout=120)
     assert process.returncode == code, errors

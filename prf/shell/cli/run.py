@@ -1,6 +1,7 @@
 """How a tool ends: errors as one line on standard error with their exit code, and signals.
 
-A long run polls them as a flag, so that Ctrl-C ends it after a checkpoint and not in the middle of one.
+A long run polls them as a flag, so that Ctrl-C ends it after a checkpoint and not in the middle of one; before there
+is anything to keep it ends at once.
 """
 
 from __future__ import annotations
@@ -158,8 +159,9 @@ _DEAF = ("numba", "llvmlite")
 class StopFlag:
     """Set by the first SIGINT or SIGTERM; a driver polls it between steps."""
 
-    def __init__(self) -> None:
+    def __init__(self, has_result: bool = True) -> None:
         self.signal_number = 0  # 0 while none has come
+        self.has_result = has_result  # whether there is something to keep; the driver sets it
 
     @property
     def requested(self) -> bool:
@@ -202,15 +204,24 @@ def _restore(handlers: Mapping[signal.Signals, Any]) -> None:
 
 
 @contextmanager
-def graceful_stop(signals: Sequence[signal.Signals] = _STOPPING) -> Iterator[StopFlag]:
-    """Turn the first SIGINT or SIGTERM (or other `signals`) into a :class:`StopFlag`; the second acts as without it."""
-    flag = StopFlag()
+def graceful_stop(signals: Sequence[signal.Signals] = _STOPPING, has_result: bool = True) -> Iterator[StopFlag]:
+    """Turn the first SIGINT or SIGTERM (or other `signals`) into a :class:`StopFlag`; the second acts as without it.
+
+    While the flag's `has_result` is False, as here at first where nothing can be kept yet, the first one ends the tool.
+    """
+    flag = StopFlag(has_result)
     before = _handlers(signals)
 
     def request(number: int, _frame: FrameType | None) -> None:
         flag.signal_number = number
         _restore(before)
-        logger.info("saving; press Ctrl-C again to quit now")
+        if flag.has_result:
+            logger.info("saving; press Ctrl-C again to quit now")
+            return
+        logger.error("interrupted before the first step; nothing was saved")
+        if before[signal.Signals(number)] is _end:
+            _end_now(number)  # what threads compile ends in no other way
+        signal.raise_signal(number)
 
     with _handled(signals, request):
         yield flag
@@ -226,11 +237,16 @@ def _is_deaf(frame: FrameType | None) -> bool:
     return False
 
 
+def _end_now(number: int) -> NoReturn:
+    """End the process, and leave nothing half written."""
+    remove_all_temporary()
+    os._exit(128 + number)
+
+
 def _end(number: int, frame: FrameType | None) -> NoReturn:
     """End the tool through its ``finally`` clauses; where no exception passes, in imports and compilers, at once."""
     if _is_deaf(frame):
-        remove_all_temporary()
-        os._exit(128 + number)
+        _end_now(number)
     if number == signal.SIGINT:
         raise KeyboardInterrupt
     raise SystemExit(128 + number)
