@@ -13,6 +13,7 @@ from prf.shell.cli.settings import Loaded
 
 if TYPE_CHECKING:
     from prf.model.window import Window
+    from prf.poses.given import PoseErrors
     from prf.poses.inputs import Inputs
     from prf.readings import Kind, Readings
     from prf.readings.describe import LogSummary
@@ -21,6 +22,8 @@ READ = ("topic", "frame", "poses", "beam_angles", "pose_mount", "pose_gap", "pos
 MOST_LINES = 15
 DETAILS = ("log", "8 m or more", "other lines")
 """Rows for ``-v`` alone."""
+
+POSES_TOO = "samples the poses with the map, for walls seen twice: compiles for minutes more, and takes far longer"
 
 EXAMPLES = (
     "prf info data/demo-office.log.gz",
@@ -83,6 +86,8 @@ def info(
             storage.emit_object("prf.info/1", storage.jsonable(summary))
             return
         rows = (*rows, *_lines(summary), ("map it", summary.command))
+        if summary.command_poses:
+            rows = (*rows, ("poses too", summary.command_poses), ("", POSES_TOO))
     for name, value in rows:
         console.emit(f"{name:<15} {value}")
 
@@ -101,16 +106,26 @@ def _summary(found: Inputs, kind: Kind | None, config: Configuration) -> LogSumm
     suspicions = list(summary.suspicions)
     if summary.kind == "laser" and not _is_nan(summary.max_range):
         errors = given_errors(readings.within(summary.max_range), Configuration().laser.noise)
-    flags = "--odometry wheels" if is_raw or found.poses is None is not found.odometry else ""
+    flags, sampled = ("--odometry wheels" if is_raw or found.poses is None is not found.odometry else ""), ""
     if errors is not None:
-        flags = flags or errors.flags()
-        if found.odometry is not None and found.poses is not None:
-            flags = f"{flags} --odometry wheels".strip() if not errors.is_odometry else "--odometry wheels"
-        suspicions += [Suspicion("pose-error", advice)] if (advice := errors.advice()) else []
+        advice = errors.advice(flags)
+        flags, sampled = (flags, "") if flags else _pose_flags(errors, found.odometry is not None)
+        suspicions += [Suspicion("pose-error", advice)] if advice else []
         summary = dataclasses.replace(summary, pose_error=(errors.metres, errors.radians))
     typed = "".join(f" --{name} {value}" for name in ("topic", "frame") if (value := getattr(config.readings, name)))
-    command = found.command(kind=summary.kind, flags=(flags + typed).strip())
-    return dataclasses.replace(summary, suspicions=tuple(suspicions), command=command)
+    command, poses_too = (found.command(kind=summary.kind, flags=(each + typed).strip()) for each in (flags, sampled))
+    made = {"command": command, "command_poses": poses_too if sampled else ""}
+    return dataclasses.replace(summary, suspicions=tuple(suspicions), **made)
+
+
+def _pose_flags(errors: PoseErrors, has_odometry: bool) -> tuple[str, str]:
+    """Return the options that map with poses as given, if these are good enough, and those that sample them too."""
+    sampled, noise = errors.flags(), errors.covered()
+    if has_odometry:
+        sampled = "--odometry wheels" if errors.is_odometry else f"{errors.pose_noise()} --odometry wheels"
+    if noise is None:
+        return sampled, ""
+    return f"--noise {noise:.2g}" if errors.flags() else "", sampled
 
 
 def _read(found: Inputs, kind: Kind | None, config: Configuration) -> tuple[Readings, bool]:
@@ -199,6 +214,9 @@ def _rows(summary: LogSummary) -> Iterator[tuple[str, str]]:
     option = " by --sonar-max-range" if summary.kind == "sonar" else ""
     yield "max range", f"{_metres(summary.max_range)}, unless given{option}"
     yield "no return", f"{summary.share_no_return:.2%} of the beams are at the max range or beyond"
+    if (advised := summary.max_range_advice) is not None:
+        far = f"these count as free so far, though no return is beyond {summary.largest_return:.1f} m"
+        yield "", f"{far}: advised is --max-range {advised:g}"
     if summary.kind == "laser":
         yield "8 m or more", f"{summary.share_far:.2%} of the beams"
     yield "other lines", _counts(summary.lines)

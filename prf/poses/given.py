@@ -28,6 +28,8 @@ MEDIAN_2D = math.sqrt(2.0 * math.log(2.0))
 """Median of the length of a normal vector in the plane, in standard deviations."""
 ADVISED = (0.04, 0.015)
 """Metres and radians from which on a map is better with poses that are sampled too (benchmarks/README.md)."""
+GOOD, COVERED = (0.1, math.radians(1.0)), 0.05
+"""Metres and radians up to which noise of the ranges covers them, metres of that at least (docs/poses.md)."""
 LEAST = (0.01, 0.002)
 """Metres and radians that poses are taken to err by at least, where it is not given."""
 FAR_OFF, SMOOTH = 0.3, 0.4
@@ -52,16 +54,27 @@ class PoseErrors(NamedTuple):
         """Return the options by which they are sampled with the map; empty where they do little harm."""
         if self.metres < ADVISED[0] and self.radians < ADVISED[1]:
             return ""
-        return "--odometry wheels" if self.is_odometry else f"--pose-noise {self.metres:.2g} {self.radians:.2g}"
+        return "--odometry wheels" if self.is_odometry else self.pose_noise()
 
-    def advice(self) -> str:
-        """Return what to do about them; empty where they do little harm."""
+    def pose_noise(self) -> str:
+        """Return the option that says by how much they err."""
+        return f"--pose-noise {max(self.metres, LEAST[0]):.2g} {max(self.radians, LEAST[1]):.2g}"
+
+    def covered(self) -> float | None:
+        """Return the noise of ranges, metres, that covers them; None where they err too far for that."""
+        is_good = self.metres <= GOOD[0] and self.radians <= GOOD[1]
+        return max(COVERED, math.ceil(100.0 * self.metres) / 100.0) if is_good and not self.is_odometry else None
+
+    def advice(self, flags: str = "") -> str:
+        """Return what to do about them, by these `flags` instead of :meth:`flags`; empty where they do little harm."""
         if not self.flags():
             return ""
         why = ", though they run on smoothly, as raw odometry does" if self.is_odometry else ""
+        noise = None if flags else self.covered()
+        either = "" if noise is None else f"--noise {noise:.2g} covers that, or "
         return (
             f"poses err by about {self.words()}, as scans disagree with one another{why}: "
-            f"sample them with the map, prf sample {self.flags()}"
+            f"{either}sample them with the map, prf sample {flags or self.flags()}"
         )
 
     @property
@@ -96,6 +109,13 @@ def given_errors(laser: Readings, noise: float) -> PoseErrors | None:
         held = np.maximum(held, found / ROOM)
     jitter = max((jitter_of(pose).metres for pose in devices_of(laser.notes.scans)), default=math.inf)
     return PoseErrors(float(found[0]), float(found[1]), jitter if jitter > 0.0 else math.inf)
+
+
+def warn_of_errors(laser: Readings, noise: float) -> None:
+    """Log a warning where given poses err by more than the noise of ranges, metres, covers."""
+    found = given_errors(laser, noise)
+    if found is not None and found.advice() and noise < (found.covered() or math.inf):
+        logger.warning(f"{laser.source}: {found.advice()}")
 
 
 def pose_noise(

@@ -7,6 +7,7 @@ loops is not checked, so nothing here means that a log is good.
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -23,6 +24,8 @@ from prf.readings.text import FloatArray
 MAX_RANGE_SHARE = 0.97
 """Default maximum range over largest range: the numbers that mean "no return" in a log spread by less (51.05-51.16)."""
 
+FAR_BEYOND = 1.5
+"""Maximum range over the largest return from which on beams without return count as free where none ever returned."""
 FAR = 8.0  # metres. What indoor mapping usually cuts ranges at; the share beyond shows how much such a cut would cost
 
 
@@ -53,6 +56,7 @@ class LogSummary:
     # finite), and the maximum range that `prf sample` takes for it: from the log for a laser, 3.5 m for sonars
     largest_range: float
     max_range: float
+    largest_return: float  # largest range below the maximum, metres; nan where there is none
     share_no_return: float  # share of beams at or beyond the maximum range
     share_far: float  # share of beams of at least `FAR` metres, no returns included; of sonars returns alone
     n_zero_ranges: int  # beams dropped because their range is 0
@@ -64,7 +68,15 @@ class LogSummary:
     suspicions: tuple[Suspicion, ...]  # what a person should look at before mapping
     # standard deviations of the poses of a laser, metres and radians, by which its scans disagree; None: not shown
     pose_error: tuple[float, float] | None = None
-    command: str = ""  # how to map it
+    # how to map it; and how to sample its poses too, empty where that is the same, or needless
+    command: str = ""
+    command_poses: str = ""
+
+    @property
+    def max_range_advice(self) -> float | None:
+        """Metres that beams without return had better count as free to; None where the maximum range is near that."""
+        too_far = self.kind == "laser" and self.max_range > FAR_BEYOND * self.largest_return
+        return float(math.ceil(self.largest_return)) if too_far and self.share_no_return else None
 
 
 def describe(readings: Readings, path: str) -> LogSummary:
@@ -90,6 +102,7 @@ def describe(readings: Readings, path: str) -> LogSummary:
         duration=_duration(scans.time),
         largest_range=largest_range(readings),
         max_range=max_range,
+        largest_return=float(np.max(readings.range[readings.range < max_range], initial=0.0)) or float("nan"),
         share_no_return=float(np.mean(~(readings.range < max_range))),
         share_far=float(np.mean((readings.range >= FAR) & ((readings.range < max_range) | (not is_sonar)))),
         n_zero_ranges=notes.n_zero_ranges,

@@ -16,6 +16,8 @@ STEP = 1.0  # metres; a shorter step is never called a jump
 TURN = 1.0  # radians; likewise. Corrected logs turn up to 1.4 rad between scans that are seconds apart
 SPEED = 3.0  # metres a second, and radians a second: beyond what indoor robots do
 FAR_STEP = 5.0  # times the median step: the corrected logs at hand reach 3.4, with scans a metre apart
+FAST_STEP = 3.0  # times the median step, or turn, that one beyond such a speed is at least
+FAR_APART = 0.2  # share of steps beyond what a robot does from which on they are the log's own
 FAR_TURN = 1.5  # radians between scans whose time distance is unknown
 STILL = 0.01  # metres; a shorter step is none
 USUAL_STEP = 100.0  # metres. Half of the steps beyond it are a log in millimetres or centimetres
@@ -83,11 +85,16 @@ def jumps(scans: ScanTable) -> Iterator[tuple[str, str, tuple[int, ...]]]:
     for device in np.unique(scans.device):
         steps = _steps(scans, int(device))
         usual = _usual(steps.distance)
-        moved, turned = _are_far(steps)
+        moved, turned, share = _are_far(steps)
         if usual > USUAL_STEP:
             text = f"half of the steps from scan to scan are above {usual:g} m: are the positions in millimetres?"
             yield "pose-unit", text, ()
-        elif moved.any() or turned.any():
+            continue
+        if share > FAR_APART:
+            median = math.degrees(float(np.median(steps.turn)))
+            text = f"scans are far apart: half of the steps are above {usual:.1f} m, or turn by {median:.0f} degrees"
+            yield "scans-apart", text, ()
+        if moved.any() or turned.any():
             numbers = tuple(int(n) for n in steps.number[moved | turned])
             sizes = ((steps.distance, moved, ".1f", "m"), (np.degrees(steps.turn), turned, ".0f", "degrees"))
             far = " and ".join(_largest(steps, *size) for size in sizes if size[1].any())
@@ -107,15 +114,27 @@ def _usual(distance: FloatArray) -> float:
     return float(np.median(moving)) if len(moving) else 0.0
 
 
-def _are_far(steps: _Steps) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Return which steps lead too far away, and which turn too far; of poses that jitter, beyond what that makes."""
+def _are_far(steps: _Steps) -> tuple[NDArray[np.bool_], NDArray[np.bool_], float]:
+    """Return which steps lead too far away, which turn too far, and the share of those beyond what robots do.
+
+    Too far is also far beside the log's own steps, and of poses that jitter beyond what that makes.
+    """
     timed, by_jitter = steps.seconds > 0, (0.0, 0.0)
     if steps.jitter.is_jitter:
         by_jitter = (BEYOND_JITTER * steps.jitter.metres, BEYOND_JITTER * steps.jitter.radians)
     reach = SPEED * np.where(timed, steps.seconds, np.inf)
-    moved = (steps.distance > np.maximum(STEP, reach)) | (steps.distance > max(STEP, FAR_STEP * _usual(steps.distance)))
+    fast = (steps.distance > np.maximum(STEP, reach)) & (steps.distance > by_jitter[0])
     turned = (steps.turn > np.maximum(TURN, reach)) | (~timed & (steps.turn > FAR_TURN))
-    return moved & (steps.distance > by_jitter[0]), turned & (steps.turn > by_jitter[1])
+    turned &= steps.turn > by_jitter[1]
+    share = float(np.mean(fast | turned)) if len(fast) else 0.0
+    usual, usual_turn = _usual(steps.distance), float(np.median(steps.turn)) if share else 0.0
+    far = (steps.distance > max(STEP, FAR_STEP * usual)) & (steps.distance > by_jitter[0])
+    least = FAR_TURN if share > FAR_APART else 0.0  # by a clock that does not fit the steps, turns are not fast
+    return (
+        (fast & (steps.distance > FAST_STEP * usual)) | far,
+        turned & (steps.turn > max(FAST_STEP * usual_turn, least)),
+        share,
+    )
 
 
 def _largest(steps: _Steps, size: FloatArray, chosen: NDArray[np.bool_], form: str, unit: str) -> str:

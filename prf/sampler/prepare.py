@@ -16,7 +16,7 @@ from prf.configuration import Configuration, ReadingOptions
 from prf.model.points import resolved as resolved_points
 from prf.model.points import window_round
 from prf.model.window import Window
-from prf.poses.given import given_errors, pose_noise
+from prf.poses.given import pose_noise, warn_of_errors
 from prf.poses.model import PoseModel, pose_model
 from prf.poses.start import find_start
 from prf.readings import (
@@ -200,8 +200,8 @@ def prepare(
         whole, config = _started(config, beams, cones)
         beams, cones = whole.placed(beams, cones, whole.start)
         driven = [part for part in (beams, cones) if part is not None]
-    elif beams is not None and (found := given_errors(beams, config.laser.noise)) is not None and found.advice():
-        logger.warning(f"{beams.source}: {found.advice()}")
+    elif beams is not None:
+        warn_of_errors(beams, config.laser.noise)
     sensors = [part for part in (beams, cones) if part is not None]
     window = _window(config, sensors, observed, least)
     n_outside = sum(int((~window.contains(part.origin, strictly=True)).sum()) for part in sensors)

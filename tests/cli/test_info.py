@@ -110,11 +110,11 @@ def test_topic_and_frame_of_a_bag(capsys, tmp_path):
 JITTER = 0.4
 
 
-def jittering(folder: Path) -> dict[str, list[str]]:
+def jittering(folder: Path, jitter: float = JITTER, turned: float = 0.05) -> dict[str, list[str]]:
     """Write the scans of a room with poses that jitter as a table, a CARMEN log, a bag, and as texts."""
     turn = np.linspace(0.0, 2.0 * np.pi, 90)
     truth = np.column_stack([4.2 + 2.6 * np.cos(turn), 2.6 + 1.9 * np.sin(turn), turn + np.pi / 2])
-    given = truth + np.random.default_rng(5).normal(size=truth.shape) * [JITTER, JITTER, 0.05]
+    given = truth + np.random.default_rng(5).normal(size=truth.shape) * [jitter, jitter, turned]
     readings = readings_at(ROOM, truth, given, n_beams=180)
     ranges, angle = readings.range.reshape(90, 180), readings.angle.reshape(90, 180)
     write_table(folder / "a.csv", replace(readings, time=np.full(readings.n_beams, np.nan)))
@@ -148,6 +148,30 @@ def test_poses_that_jitter_are_found_alike_in_every_format_and_the_command_has_n
         assert metres == pytest.approx(JITTER, rel=0.2)
         assert f"--pose-noise {metres:.2g} {radians:.2g}" in found["command"]
         assert found["command"].startswith(f"prf sample --laser {files[0]} ")
+
+
+def test_good_poses_are_mapped_as_given_and_sampled_by_a_command_of_its_own(capsys, tmp_path):
+    ranges, poses = jittering(tmp_path, 0.06, 0.005)["texts"]
+    odometry = str(tmp_path / "odom.txt")
+    np.savetxt(odometry, np.loadtxt(poses))
+    for files, more in (((ranges, poses), ""), ((ranges, poses, odometry), " --odometry wheels")):
+        found = json.loads(run(capsys, *files, "--json")[1])
+        metres, radians = found["pose_error"]
+        assert metres < 0.1
+        assert f"--noise 0.0{np.ceil(100 * metres):.0f} -o" in found["command"]
+        assert "--odometry" not in found["command"]
+        assert f"--pose-noise {metres:.2g} {radians:.2g}{more} -o" in found["command_poses"]
+    out = run(capsys, ranges, poses)[1]
+    assert "poses too       prf sample --laser" in out
+    assert "compiles for minutes more" in out
+
+
+def test_advice_beside_odometry_alone_is_that_of_the_command(capsys, tmp_path):
+    ranges, poses = jittering(tmp_path)["texts"]
+    Path(poses).rename(tmp_path / "odom.txt")
+    out = run(capsys, ranges, str(tmp_path / "odom.txt"))[1]
+    assert "--pose-noise" not in out
+    assert "sample them with the map, prf sample --odometry wheels" in out
 
 
 def test_files_that_are_no_log_by_themselves_are_said_to_be_what_they_are(capsys, tmp_path):

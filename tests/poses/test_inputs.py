@@ -236,6 +236,16 @@ def test_a_header_of_a_pose_or_a_beam_a_row_is_none_of_ranges(tmp_path: Path) ->
         assert sort_files([str(tmp_path / "a.csv")]).rows[0][1].startswith(kind)
 
 
+def test_a_header_of_tum_is_no_csv(tmp_path: Path) -> None:
+    turn = 0.5 * TRUTH[:, 2]
+    zero = np.zeros(60)
+    rows = np.column_stack([np.arange(60.0), TRUTH[:, :2], zero, zero, zero, np.sin(turn), np.cos(turn)])
+    np.savetxt(tmp_path / "a.txt", rows, header="timestamp tx ty tz qx qy qz qw")
+    assert sort_files([str(tmp_path / "a.txt")]).rows[0][1] == "poses: 60 rows (TUM)"
+    np.savetxt(tmp_path / "a.csv", rows, header="t,x,y,z,qx,qy,qz,qw", comments="", delimiter=",")
+    assert sort_files([str(tmp_path / "a.csv")]).rows[0][1] == "poses: 60 rows (CSV)"
+
+
 def test_a_file_that_is_not_read_is_named_with_its_line_and_what_the_others_are(tmp_path: Path) -> None:
     names = ",".join(f"r{i}" for i in range(179))
     np.savetxt(tmp_path / "a.csv", RANGES, fmt="%.3f", delimiter=",", header=names, comments="")

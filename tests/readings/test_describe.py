@@ -117,10 +117,16 @@ class TestSuspicions:
         assert summary.lines == {"SONAR": 1}
 
     def test_long_lists_are_cut_in_the_message_alone(self):
-        poses = [(5.0 * (i % 2), 0, 0) for i in range(40)]
+        poses = [(x + 3 * (i // 5), y, h) for i, (x, y, h) in enumerate(straight(60))]
         (jump,) = (s for s in summary_of(drive(poses)).suspicions if s.code == "pose-jump")
-        assert len(jump.scans) == 39
-        assert "1, 2, 3, 4, 5, 6, 7, 8 ... (39 in all)" in jump.message
+        assert len(jump.scans) == 11
+        assert "5, 10, 15, 20, 25, 30, 35, 40 ... (11 in all)" in jump.message
+
+    def test_beams_without_return_that_count_as_free_too_far(self):
+        text = "".join(flaser([1.0, 5.3, 81.91], pose, time=i) for i, pose in enumerate(straight(20)))
+        summary = summary_of(text)
+        assert (summary.largest_return, summary.max_range_advice) == (5.3, 6.0)
+        assert summary_of(text.replace("81.91", "7.5")).max_range_advice is None
 
 
 def table(rows: list[tuple[float, ...]], header: str = "x,y,theta,range") -> Readings:

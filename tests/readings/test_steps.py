@@ -45,6 +45,19 @@ def test_a_jump_beyond_the_jitter_is_one_and_steps_of_the_jitter_are_none() -> N
     assert [(code, numbers) for code, _, numbers in jumps(scans_at(pose))] == [("pose-jump", (120,))]
 
 
+@pytest.mark.parametrize("seconds", [0.2, 0.4])
+def test_steps_of_a_thinned_log_are_no_jumps_but_one_far_beyond_them_is(seconds: float) -> None:
+    pose = 2.0 * WAY[::4]
+    pose[:, 2] = 1.3 * np.arange(len(pose))
+    scans = scans_at(pose)._replace(time=seconds * np.arange(len(pose)))
+    [(code, words, numbers)] = jumps(scans)
+    assert (code, numbers) == ("scans-apart", ())
+    assert words.startswith("scans are far apart: half of the steps are above 4.")
+    pose[20:, 0] += 30.0
+    found = [(code, numbers) for code, _, numbers in jumps(scans._replace(pose=pose))]
+    assert found == [("scans-apart", ()), ("pose-jump", (20,))]
+
+
 def test_poses_of_a_sonar_that_jitter_are_reported_with_the_flag() -> None:
     pose = jittered(0.5)
     rows = "".join(f"{x},{y},{h},2.0,0.3\n" for x, y, h in pose)

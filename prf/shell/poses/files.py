@@ -70,6 +70,7 @@ NAMES = {
     **{"theta": r"(pose[._])?(theta|th|yaw|heading|orientation)", "roll": "roll", "pitch": "pitch"},
 }
 """What columns are called: by hand, and by evo, rostopic, PlotJuggler and EuRoC."""
+TUM = ["t", "x", "y", "z", "qx", "qy", "qz", "qw"]
 UNITS = {"ns": 1e-9, "us": 1e-6, "ms": 1e-3, "deg": math.radians(1.0), "degrees": math.radians(1.0)}
 """Units other than seconds and radians behind a name: ``yaw_deg``, ``timestamp [ns]``."""
 
@@ -177,9 +178,8 @@ def _of_columns(rows: _Rows) -> PoseFile:
     column = dict(zip(rows.columns, rows.values.T, strict=True))
     times = column.pop("t", None)
     _refuse_far(np.column_stack(list(column.values())), rows.where)
-    zero = np.zeros(len(rows.where))
+    zero, unit = np.zeros(len(rows.where)), ""
     place = np.column_stack([column.get(name, zero) for name in "xyz"])
-    unit = ""
     if "theta" in column:
         heading, unit = in_radians(place[:, :2], column["theta"], rows.where)
         tilts = [column.get(name, zero) for name in ("pitch", "roll")]
@@ -189,7 +189,9 @@ def _of_columns(rows: _Rows) -> PoseFile:
     else:
         quaternions = [column[f"q{axis}"] for axis in "xyzw"]
         poses = _of_quaternions(np.column_stack([place, *quaternions]), rows.where, "", "xyzw", "")
-    return PoseFile(poses, None, None if times is None else in_seconds(times), f"CSV{unit}")
+    return PoseFile(
+        poses, None, None if times is None else in_seconds(times), f"{'TUM' if rows.is_tum else 'CSV'}{unit}"
+    )
 
 
 def _of_angles(place: Floats, turns: Floats) -> Floats:
@@ -230,9 +232,8 @@ class _Rows(NamedTuple):
 
     where: list[str]  # place of each, for messages
     values: Floats  # (k, w)
-    names: tuple[str, ...] | None = (
-        None  # first column where it is not a number, such as v0; of g2o the number behind a v
-    )
+    names: tuple[str, ...] | None = None  # first column where it is no number, such as v0; of g2o the number behind a v
+    is_tum: bool = False  # whether columns of a header are those of TUM
     columns: tuple[str, ...] | None = None  # what the columns of `values` are by the header, keys of `NAMES`
     is_g2o: bool = False
     array: str = ""  # name of the array in a file of several
@@ -396,4 +397,5 @@ def _of_table(lines: Sequence[str], source: str) -> _Rows | None:
         del columns["t"]  # unknown times of a trajectory.csv that prf sample wrote
     places, factors = zip(*columns.values(), strict=True)
     values = numbers([[cells[at] for at in places] for _, cells in rows], [place for place, _ in rows])
-    return _Rows([place for place, _ in rows], values * np.array(factors), columns=tuple(columns))
+    is_tum = list(columns) == TUM and len(names) == len(TUM) and "," not in line
+    return _Rows([place for place, _ in rows], values * np.array(factors), columns=tuple(columns), is_tum=is_tum)
