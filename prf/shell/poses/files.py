@@ -189,9 +189,8 @@ def _of_columns(rows: _Rows) -> PoseFile:
     else:
         quaternions = [column[f"q{axis}"] for axis in "xyzw"]
         poses = _of_quaternions(np.column_stack([place, *quaternions]), rows.where, "", "xyzw", "")
-    return PoseFile(
-        poses, None, None if times is None else in_seconds(times), f"{'TUM' if rows.is_tum else 'CSV'}{unit}"
-    )
+    layout = ("TUM" if rows.is_tum else "CSV") + unit
+    return PoseFile(poses, None, None if times is None else in_seconds(times), layout)
 
 
 def _of_angles(place: Floats, turns: Floats) -> Floats:
