@@ -116,6 +116,7 @@ def drive(
         starts = workers(ChainRun.find_start, ensemble.chains, repeat(latest), repeat(stop_requested))
         ensemble.chains = list(starts)
     diagnoses: dict[str, Diagnosis] | None = None
+    share = 0.0
     status = rule.status(first_step, 0.0, None)
     while status == "running":
         begun, steps = time.monotonic(), ensemble.next_steps
@@ -128,7 +129,8 @@ def drive(
         planned = seconds + 0.5 * (now - begun) * ensemble.next_steps / steps + reserve()
         status = rule.status(ensemble.step, planned, diagnoses if is_checked else None)
         speed = (ensemble.step - first_step) * len(ensemble.chains) / max(seconds, 1e-9)
-        yield Progress(ensemble.step, seconds, speed, rule.share(ensemble.step, planned, diagnoses), diagnoses, status)
+        share = max(share, rule.share(ensemble.step, planned, diagnoses))  # chains that part again do not take it back
+        yield Progress(ensemble.step, seconds, speed, share, diagnoses, status)
 
 
 def is_check(ensemble: Ensemble) -> bool:

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from numba.core import event
 
+from prf.shell.cli import console
 from prf.shell.jit.cache import KernelCache
 from prf.shell.jit.parts import PartCompiler, share_integers
 
@@ -53,6 +54,7 @@ def test_kernels_are_counted_while_they_are_compiled(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     entry, _ = make_kernels()
+    console.reset()
     monkeypatch.setenv("TOY_CACHE_DIR", str(tmp_path))
     cache = KernelCache("toy", tmp_path, {})
     with caplog.at_level(logging.INFO):
@@ -61,4 +63,4 @@ def test_kernels_are_counted_while_they_are_compiled(
     unregister: Any = event.unregister
     unregister("numba:compile", cache)
     assert len(cache.compiled) == 3
-    assert caplog.messages == ["compiling kernels, once (toy warm does it ahead) ..."]
+    assert caplog.messages == ["compiling what this call needs, once on this machine; toy warm compiles all ahead ..."]

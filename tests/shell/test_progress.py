@@ -49,6 +49,20 @@ def test_a_pipe_gets_a_plain_line_every_ten_seconds(clock: Clock, capsys: pytest
     ]
 
 
+def test_time_may_count_from_the_start_of_the_command(clock: Clock, capsys: pytest.CaptureFixture[str]) -> None:
+    for _ in range(2):
+        with console.progress(None, "compiling", begun=90.0) as report:
+            clock.now += 11.0
+            report(1)
+    assert capsys.readouterr().err.splitlines() == ["compiling  elapsed 0:00:21", "compiling  elapsed 0:00:32"]
+
+
+def test_a_command_is_named_and_has_a_start() -> None:
+    console.reset("prf report")
+    assert console.settings.command == "prf report"
+    assert console.settings.begun is not None
+
+
 def test_without_a_total_there_is_no_time_left() -> None:
     line = console.plain_line("sampling", 10, None, 61.0, None, {"rhat": "1.20"})
     assert line == "sampling  rhat 1.20  elapsed 0:01:01"

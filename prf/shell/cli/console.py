@@ -40,6 +40,8 @@ class Settings:
     verbosity: int = 0  # -1 errors only (-q), 0 notes and warnings, 1 details (-v), 2 also tracebacks (-vv)
     color: ColorChoice = "auto"
     progress: bool = True
+    command: str = ""  # tool and verb, such as prf report; empty in Python
+    begun: float | None = None  # when the command began, by time.monotonic; None in Python
 
 
 settings = Settings()
@@ -54,9 +56,10 @@ class _Handler(logging.Handler):
         print(prefix + record.getMessage(), file=sys.stderr)
 
 
-def reset() -> None:
-    """Go back to what holds without flags, as a tool does when it starts."""
+def reset(command: str = "") -> None:
+    """Go back to what holds without flags, as a tool does when it starts; `command`: tool and verb."""
     settings.verbosity, settings.color, settings.progress = 0, "auto", True
+    settings.command, settings.begun = command, time.monotonic() if command else None
     if isinstance(sys.stdout, io.TextIOWrapper):  # names of files may hold bytes that are not text
         sys.stdout.reconfigure(errors="backslashreplace")
     configure()
@@ -177,25 +180,25 @@ _bars: list[Progress] = []
 
 
 @contextmanager
-def progress(total: float | None, description: str) -> Iterator[Report]:
+def progress(total: float | None, description: str, begun: float | None = None) -> Iterator[Report]:
     """Show the progress of the block, in which a report is cheap enough for every poll.
 
     `total`: what is counted up to (steps, seconds); None when the end is not known. `description`: what is being done,
-    e.g. ``sampling``.
+    e.g. ``sampling``. `begun`: when what is shown as elapsed began, by ``time.monotonic``; None: now.
     """
     if not show_progress():
         yield report_nothing
     elif not (can_redraw(sys.stderr) or in_notebook()):
-        yield _plain(total, description)
+        yield _plain(total, description, begun)
     elif _bars:  # one within another gets a line of its own below it
-        task = _bars[-1].add_task(description, total=total, fields="")
+        task = _add_task(_bars[-1], description, total, begun)
         yield _on_bar(_bars[-1], task)
         _bars[-1].remove_task(task)
     else:
         with _make_bar() as bar:
             _bars.append(bar)
             try:
-                yield _on_bar(bar, bar.add_task(description, total=total, fields=""))
+                yield _on_bar(bar, _add_task(bar, description, total, begun))
             finally:
                 _bars.remove(bar)
 
@@ -220,14 +223,22 @@ def report_nothing(completed: float, **fields: object) -> None:
     """Show nothing (``-q``, ``--no-progress``, `progress=False`)."""
 
 
+def _add_task(bar: Progress, description: str, total: float | None, begun: float | None) -> Any:
+    task = bar.add_task(description, total=total, fields="")
+    if begun is not None:
+        next(each for each in bar.tasks if each.id == task).start_time = begun
+    return task
+
+
 def _on_bar(bar: Progress, task: Any) -> Report:
     """Return what moves a bar and shows the fields beside it."""
     return lambda completed, **fields: bar.update(task, completed=completed, fields=_join(fields))
 
 
-def _plain(total: float | None, description: str) -> Report:
+def _plain(total: float | None, description: str, begun: float | None) -> Report:
     """Return what prints a line every :data:`PLAIN_INTERVAL` seconds, for pipes and log files."""
-    start = last = time.monotonic()
+    last = time.monotonic()
+    start = last if begun is None else begun
     first: tuple[float, float] | None = None
 
     def report(completed: float, **fields: object) -> None:

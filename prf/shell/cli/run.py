@@ -43,7 +43,7 @@ def run_app(command: Any, name: str, args: Sequence[str] | None = None) -> int:
 
     `name`: as help texts and errors call it. `args`: instead of ``sys.argv[1:]``.
     """
-    console.reset()
+    console.reset(_verb_path(command, name, args))
     with ending_the_tool(), console.warnings_as_details():
         return _run(command, name, args)
 

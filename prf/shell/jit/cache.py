@@ -31,7 +31,7 @@ import numba
 import numpy as np
 from numba.core import event
 
-from prf.shell.cli.console import Report, progress, report_nothing
+from prf.shell.cli.console import Report, progress, report_nothing, settings
 
 KEPT_DIGESTS = 8
 """Caches of this many source states survive: enough to go back and forth between branches without compiling."""
@@ -82,10 +82,11 @@ class KernelCache(event.Listener):
         self._open.append(name)
         if len(self._open) == 1 and multiprocessing.parent_process() is None:
             if not self.compiled:
-                logger.info(f"compiling kernels, once ({self._tool} warm does it ahead) ...")
+                needs = f"compiling what {settings.command or 'this call'} needs, once on this machine"
+                logger.info(f"{needs}; {self._tool} warm compiles all ahead ...")
             self._shown.callback(gc.set_threshold, *gc.get_threshold())
             gc.set_threshold(COLLECTED_AFTER)
-            self._report = self._shown.enter_context(progress(None, "compiling"))
+            self._report = self._shown.enter_context(progress(None, "compiling", settings.begun))
 
     def on_end(self, event: Any) -> None:
         """Count it."""
