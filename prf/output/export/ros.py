@@ -122,16 +122,17 @@ def nav2_parameters(yaml_file: str, mode: Mode, is_mask: bool, radius: float) ->
     """
     name = json.dumps(os.path.abspath(yaml_file), ensure_ascii=False)
     if is_mask:
-        return _text(MASK.format(name=name))
+        return _text(MERGED, MASK.format(name=name))
     costs = SCALED if mode != "trinary" else TRINARY
     inflated = [INFLATED.format(radius=radius)] if radius > 0.0 else []
-    return _text(SERVER.format(name=name), *inflated, "global_costmap:", costs)
+    return _text(MERGED, SERVER.format(name=name), *inflated, "global_costmap:", costs)
 
 
 def _text(*parts: str) -> str:
     return "\n".join(part.strip("\n") for part in parts) + "\n"
 
 
+MERGED = "# To be merged into the robot's parameters (params_file of Nav2): by itself it starts nothing."
 SERVER = """
 map_server:
   ros__parameters:

@@ -51,7 +51,10 @@ def render_posterior(
         raise run.missing(names.POSTERIOR)
     window = run.draws.window
     what = "Posterior of squares that are not free" if squares else "Posterior over polygonal maps"
-    page, axes = style.map_page(window, style.margins_of(window, right=1.35), title or what, small_print(run))
+    has_outline, has_path = run.best is not None and outline, path and len(run.path_xy) > 0
+    legend = ["orange: best map"] * has_outline + ["blue: way driven"] * has_path
+    small = style.BETWEEN.join([small_print(run), *legend])
+    page, axes = style.map_page(window, style.margins_of(window, right=1.35), title or what, small)
     values = run.image.square_occupancy if squares else run.image.occupancy
     drawn = draw_occupancy(axes, run.image, values)
     draw_unseen(axes, run.image)

@@ -49,6 +49,8 @@ INK = "#1f2328"
 """Text and occupied area: near black, which prints softer than pure black."""
 MUTED = "#6a737d"
 FRAME = "#8b949e"
+BETWEEN, LINE, CHARACTERS = "  ·  ", 11.0, 16.0
+"""Between parts of the small print; points from line to line; characters in an inch, few enough for wide ones."""
 OUTLINE = "#e8590c"
 """Outlines of a map: the orange that stands out on white, mid-grey and black alike."""
 PATH = "#1971c2"
@@ -119,7 +121,9 @@ def map_page(window: _Extent, margins: Margins, title: str, subtitle: str) -> tu
     """Return a page with one window on metre axes, titled, with a scale bar below."""
     width, height = drawn_size(window)
     wide = max(width + margins.right, 4.8)  # room for a title above a narrow window
-    page = new_page(margins.left + wide, margins.bottom + height + margins.top)
+    subtitle = in_lines(subtitle, wide)
+    top = margins.top + subtitle.count("\n") * LINE / 72.0
+    page = new_page(margins.left + wide, margins.bottom + height + top)
     axes = add_axes(page, margins.left, margins.bottom, width, height)
     show_window(axes, window)
     metre_axes(axes, width, height)
@@ -178,11 +182,29 @@ def scale_bar(axes: Axes, window: _Extent, width: float, below: float) -> None:
     axes.text(ends[0], 0.0, f"{length:g} m  ", ha="right", va="center_baseline", fontsize=8.5, **style)
 
 
+def in_lines(subtitle: str, width: float) -> str:
+    """Return small print in lines of this width in inches, broken between its parts."""
+    lines = [""]
+    for part in subtitle.split(BETWEEN):
+        longer = lines[-1] + BETWEEN * bool(lines[-1]) + part
+        if lines[-1] and len(longer) > width * CHARACTERS:
+            lines.append(part)
+        else:
+            lines[-1] = longer
+    return "\n".join(lines)
+
+
 def add_title(axes: Axes, title: str, subtitle: str) -> None:
-    """Write a title and a line of small print over the left end of the axes."""
+    """Write a title and lines of small print over the left end of the axes."""
     over: dict[str, Any] = {"xycoords": "axes fraction", "textcoords": "offset points", "va": "baseline", "ha": "left"}
-    axes.annotate(title, (0.0, 1.0), (0.0, 23.0), fontsize=12.5, fontweight="bold", color=INK, parse_math=False, **over)
-    axes.annotate(subtitle, (0.0, 1.0), (0.0, 8.0), fontsize=8.5, color=MUTED, parse_math=False, **over)
+    lines = subtitle.split("\n")
+    above = 8.0 + LINE * len(lines) + 4.0
+    axes.annotate(
+        title, (0.0, 1.0), (0.0, above), fontsize=12.5, fontweight="bold", color=INK, parse_math=False, **over
+    )
+    for i, line in enumerate(reversed(lines)):
+        place = (0.0, 8.0 + LINE * i)
+        axes.annotate(line, (0.0, 1.0), place, fontsize=8.5, color=MUTED, parse_math=False, **over)
 
 
 def window_words(window: _Extent) -> str:

@@ -226,6 +226,7 @@ def test_a_mask_keeps_out_of_cells_above_its_probability(folder: Path, tmp_path:
     p = cells_of(read_source(folder), radius=0.3, resolution=0.4).probability
     np.testing.assert_array_equal(served, np.where(p > 0.1, 100, np.where(p < 0.1, 0, -1)))
     written = (tmp_path / "mask.nav2.yaml").read_text()
+    assert written.startswith("# To be merged into the robot's parameters")
     assert f'yaml_filename: "{tmp_path}/mask.yaml"' in written
     assert "nav2_costmap_2d::KeepoutFilter" in written
 

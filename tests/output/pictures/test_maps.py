@@ -17,6 +17,7 @@ from prf.output.pictures import render_beams, render_best, render_draws, render_
 from prf.output.pictures.maps import columns_for, spread
 from prf.output.run import Run
 from prf.results import write_run
+from prf.shell.cli import pictures as style
 from prf.shell.cli.pictures import DPI, drawn_size, margins_of, round_length
 from prf.shell.cli.run import run_app
 from prf.shell.errors import InputError, UsageError
@@ -60,6 +61,22 @@ def at_points(picture: np.ndarray, window: Window, xy: np.ndarray) -> np.ndarray
     column = (margins.left + (xy[:, 0] - window.x_min) / window.width * width) * DPI
     row = len(picture) - (margins.bottom + (xy[:, 1] - window.y_min) / window.height * height) * DPI
     return picture[row.astype(int), column.astype(int)].mean(axis=1)
+
+
+@pytest.mark.parametrize("path", [True, False])
+def test_small_print_explains_colours_and_ends_before_the_edge(monkeypatch: pytest.MonkeyPatch, path: bool) -> None:
+    pages = []
+    monkeypatch.setattr(style, "save", lambda page, _: pages.append(page))
+    run = replace(make_run(WINDOWS[2]), manifest={"status": "not converged"})
+    render_posterior(run, io.BytesIO(), path=path)
+    [page] = pages
+    words = [text for text in page.axes[0].texts if style.BETWEEN in text.get_text() or ": " in text.get_text()]
+    assert len(words) > 1
+    said = " ".join(text.get_text() for text in words)
+    assert "orange: best map" in said
+    assert ("blue: way driven" in said) == path
+    width = page.bbox.width
+    assert all(text.get_window_extent(page.canvas.get_renderer()).x1 < width for text in words)
 
 
 def test_the_best_map_is_black_where_it_is_black() -> None:
