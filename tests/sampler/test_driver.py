@@ -114,6 +114,12 @@ def test_without_a_goal_it_stops_on_agreement(sampler: Ensemble, clock: Clock, m
     assert asked == [10_000, 20_000, 30_000, 40_000]
 
 
+def test_the_share_that_is_shown_never_falls(sampler: Ensemble, monkeypatch: pytest.MonkeyPatch) -> None:
+    found = iter([1.1, 2.0, 1.5, 1.0])
+    monkeypatch.setattr(StopRule, "share", lambda *_: 1.0 / next(found))
+    assert [round(each.share, 2) for each in drive(sampler, StopRule(steps=40_000))] == [0.91, 0.91, 0.91, 1.0]
+
+
 def test_chains_that_agree_stop_by_themselves(sampler: Ensemble) -> None:
     """No readings, a small window: agreement comes within seconds, on the real measure."""
     *_, last = drive(sampler, StopRule(limit=120.0))

@@ -67,7 +67,9 @@ def at_points(picture: np.ndarray, window: Window, xy: np.ndarray) -> np.ndarray
 def test_small_print_explains_colours_and_ends_before_the_edge(monkeypatch: pytest.MonkeyPatch, path: bool) -> None:
     pages = []
     monkeypatch.setattr(style, "save", lambda page, _: pages.append(page))
-    run = replace(make_run(WINDOWS[2]), manifest={"status": "not converged"})
+    window = WINDOWS[2]
+    run = make_run(n_draws=5, window=window, resolution=max(window.width, window.height) / 100)
+    run = replace(run, manifest={**run.manifest, "status": "not converged"})
     render_posterior(run, io.BytesIO(), path=path)
     [page] = pages
     words = [text for text in page.axes[0].texts if style.BETWEEN in text.get_text() or ": " in text.get_text()]
@@ -76,7 +78,7 @@ def test_small_print_explains_colours_and_ends_before_the_edge(monkeypatch: pyte
     assert "orange: best map" in said
     assert ("blue: way driven" in said) == path
     width = page.bbox.width
-    assert all(text.get_window_extent(page.canvas.get_renderer()).x1 < width for text in words)
+    assert all(text.get_window_extent().x1 < width for text in words)
 
 
 def test_the_best_map_is_black_where_it_is_black() -> None:
