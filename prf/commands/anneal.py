@@ -13,10 +13,12 @@ from prf.shell.cli.options import Force, Json, Output, Seed, Threads, with_setti
 from prf.shell.cli.settings import Loaded
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from prf.sampler.anneal import Annealed
     from prf.sampler.session import StopRule
+    from prf.shell.cli.console import Report
+    from prf.shell.cli.run import StopFlag
 
 logger = logging.getLogger(__name__)
 
@@ -91,6 +93,16 @@ def anneal(
     stop.raise_if_requested(f"interrupted after {found.steps} steps; {target} has the best map so far")
 
 
+def _shown_by(reporter: Report, stop: StopFlag) -> Callable[[Annealed], None]:
+    """Return what shows the best map so far, and from then on keeps it where a signal comes."""
+
+    def show(now: Annealed) -> None:
+        stop.has_result = True
+        reporter(now.share, T=f"{now.temperature:.2g}", best=f"{now.score:,.1f}")
+
+    return show
+
+
 def _cool(
     inputs: tuple[Sequence[str], Sequence[str], str | None],
     config: Configuration,
@@ -119,11 +131,6 @@ def _cool(
     logger.info(f"{readings}, {counted(config.sampler.chains, 'chain')}, seed {seed}")
     pool = ThreadPoolExecutor(threads or len(os.sched_getaffinity(0)))
     with pool, graceful_stop(has_result=False) as stop, progress(1.0, "annealing") as reporter:
-
-        def shown(now: Annealed) -> None:
-            stop.has_result = True
-            reporter(now.share, T=f"{now.temperature:.2g}", best=f"{now.score:,.1f}")
-
         found = cool(
             prepared.target,
             spawn_generators(seed, config.sampler.chains),
@@ -131,7 +138,7 @@ def _cool(
             pool.map,
             config.anneal,
             starts_from=prepared.config.sampler.start or "empty",
-            on_progress=shown,
+            on_progress=_shown_by(reporter, stop),
             stop_requested=lambda: stop.requested,
         )
     if budget is not None and not stop.requested:
