@@ -213,10 +213,10 @@ def _rows(summary: LogSummary) -> Iterator[tuple[str, str]]:
     yield "largest range", _metres(summary.largest_range)
     option = " by --sonar-max-range" if summary.kind == "sonar" else ""
     yield "max range", f"{_metres(summary.max_range)}, unless given{option}"
-    yield "no return", f"{summary.share_no_return:.2%} of the beams are at the max range or beyond"
+    far = ""
     if (advised := summary.max_range_advice) is not None:
-        far = f"these count as free so far, though no return is beyond {summary.largest_return:.1f} m"
-        yield "", f"{far}: advised is --max-range {advised:g}"
+        far = f", free so far; no return is beyond {summary.largest_return:.1f} m: advised is --max-range {advised:g}"
+    yield "no return", f"{summary.share_no_return:.2%} of the beams are at the max range or beyond{far}"
     if summary.kind == "laser":
         yield "8 m or more", f"{summary.share_far:.2%} of the beams"
     yield "other lines", _counts(summary.lines)
