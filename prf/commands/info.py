@@ -114,8 +114,8 @@ def _summary(found: Inputs, kind: Kind | None, config: Configuration) -> LogSumm
         summary = dataclasses.replace(summary, pose_error=(errors.metres, errors.radians))
     typed = "".join(f" --{name} {value}" for name in ("topic", "frame") if (value := getattr(config.readings, name)))
     command, poses_too = (found.command(kind=summary.kind, flags=(each + typed).strip()) for each in (flags, sampled))
-    made = {"command": command, "command_poses": poses_too if sampled else ""}
-    return dataclasses.replace(summary, suspicions=tuple(suspicions), **made)
+    poses_too = poses_too if sampled else ""
+    return dataclasses.replace(summary, suspicions=tuple(suspicions), command=command, command_poses=poses_too)
 
 
 def _pose_flags(errors: PoseErrors, has_odometry: bool) -> tuple[str, str]:
