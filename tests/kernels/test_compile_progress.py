@@ -54,7 +54,7 @@ def test_kernels_are_counted_while_they_are_compiled(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     entry, _ = make_kernels()
-    console.reset()
+    monkeypatch.setattr(console.settings, "command", "")
     monkeypatch.setenv("TOY_CACHE_DIR", str(tmp_path))
     cache = KernelCache("toy", tmp_path, {})
     with caplog.at_level(logging.INFO):
