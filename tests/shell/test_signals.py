@@ -50,7 +50,7 @@ def test_the_first_signal_ends_at_once_what_has_no_result(caplog: pytest.LogCapt
     with graceful_stop(has_result=False) as stop, pytest.raises(KeyboardInterrupt):
         os.kill(os.getpid(), signal.SIGINT)
     assert stop.requested
-    assert caplog.messages == ["interrupted before the first step; nothing was saved"]
+    assert caplog.messages == ["interrupted before the first step; nothing new was saved"]
     assert signal.getsignal(signal.SIGINT) is before
     with graceful_stop(has_result=False) as stop:
         stop.has_result = True
@@ -82,7 +82,7 @@ def test_a_tool_without_result_leaves_nothing_and_waits_for_no_thread(
     assert tool.stdout.readline() == "begun\n"
     tool.send_signal(number)
     _, said = tool.communicate(timeout=50.0)
-    assert (tool.returncode, said) == (code, "error: interrupted before the first step; nothing was saved\n")
+    assert (tool.returncode, said) == (code, "error: interrupted before the first step; nothing new was saved\n")
     assert list(tmp_path.iterdir()) == []
 
 

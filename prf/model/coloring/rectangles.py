@@ -32,9 +32,10 @@ class Sides(NamedTuple):
 
 
 def outline_of_rectangles(corners: Floats, window: Window) -> Coloring | None:
-    """Return the map that is black on rectangles `corners` (n, 4, 2), each in turn; None where rounding may decide.
+    """Return the map that is black on rectangles; None where rounding may decide.
 
     That is where vertices nearly touch what they are no part of, and where a corner does not lie inside the window.
+    `corners`: (n, 4, 2), metres, each rectangle counter-clockwise.
     """
     if not window.contains(corners.reshape(-1, 2), strictly=True).all():
         return None

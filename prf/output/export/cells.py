@@ -138,17 +138,14 @@ def closed_though_free(cells: Raster, run: RunData, free: float, occupied: float
     """Return the square metres of free cells round which a small robot meets something all the same.
 
     There the disc of `SMALL_ROBOT` is not white in more than `occupied` of the draws, but a wall that lies elsewhere in
-    each of them leaves every cell of it at `occupied` or less.
+    each of them leaves every cell of it at `occupied` or less. `free`, `occupied`: probabilities below and above which
+    cells (ny, nx) are so.
     """
-    probability = cells.probability
-    if np.nanmax(probability, initial=0.0) > occupied:
-        away = ndimage.distance_transform_edt(~(probability > occupied), sampling=cells.resolution)
-    else:
-        away = np.full(probability.shape, np.inf)
-    blocked = share_of_draws(run.draws, cells.resolution, SMALL_ROBOT).probability > occupied
-    return float(
-        np.count_nonzero(blocked & (away > SMALL_ROBOT + cells.resolution) & (probability < free)) * cells.resolution**2
-    )
+    side, marked = cells.resolution, cells.probability > occupied
+    away = ndimage.distance_transform_edt(~marked, sampling=side) if marked.any() else np.full(marked.shape, np.inf)
+    blocked = share_of_draws(run.draws, side, SMALL_ROBOT).probability > occupied
+    closed = blocked & (away > SMALL_ROBOT + side) & (cells.probability < free)
+    return float(np.count_nonzero(closed) * side**2)
 
 
 def only_known(cells: Raster, image: PosteriorImage | None, extrapolate: float) -> Raster:

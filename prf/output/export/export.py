@@ -196,10 +196,9 @@ def notes_on(source: Source, facts: Mapping[str, Any]) -> list[str]:
     found = None if run is None or run.image is None else run.image.agreement()
     if found is not None and found.seen < AGREED:
         notes.append(f"{found.words()}. Sample longer before you rely on it there: prf sample --resume {source.path}")
-    if facts.get("free_but_closed_m2", 0.0) > LEAST_CLOSED:
-        closed = (
-            f"{facts['free_but_closed_m2']:.1f} m2 that this map calls free are closed to a disc of {SMALL_ROBOT} m"
-        )
+    area = facts.get("free_but_closed_m2", 0.0)
+    if area > LEAST_CLOSED:
+        closed = f"{area:.1f} m2 that this map calls free are closed to a disc of {SMALL_ROBOT} m"
         notes.append(f"{closed}: walls there lie elsewhere in every draw. For a robot of any size: --radius METRES")
     return notes
 

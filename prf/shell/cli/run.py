@@ -218,7 +218,7 @@ def graceful_stop(signals: Sequence[signal.Signals] = _STOPPING, has_result: boo
         if flag.has_result:
             logger.info("saving; press Ctrl-C again to quit now")
             return
-        logger.error("interrupted before the first step; nothing was saved")
+        logger.error("interrupted before the first step; nothing new was saved")
         if before[signal.Signals(number)] is _end:
             _end_now(number)  # what threads compile ends in no other way
         signal.raise_signal(number)

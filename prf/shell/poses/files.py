@@ -231,7 +231,7 @@ class _Rows(NamedTuple):
 
     where: list[str]  # place of each, for messages
     values: Floats  # (k, w)
-    names: tuple[str, ...] | None = None  # first column where it is no number, such as v0; of g2o the number behind a v
+    names: tuple[str, ...] | None = None  # first column where it is not numeric, such as v0; of g2o the vertex number
     is_tum: bool = False  # whether columns of a header are those of TUM
     columns: tuple[str, ...] | None = None  # what the columns of `values` are by the header, keys of `NAMES`
     is_g2o: bool = False
