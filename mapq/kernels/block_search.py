@@ -22,7 +22,7 @@ PLACES = 2048
 ROUNDING = -PLACES
 """The other bits: of a squared distance in single precision."""
 WIDTH = 32
-"""Lists are padded to multiples of what vector instructions take at once, so that none are left over."""
+"""Lists are padded to multiples of it (:func:`padded`)."""
 
 
 class Candidates(NamedTuple):
@@ -95,9 +95,9 @@ def list_runs(blocks: Ints, depth: int, place: int, runs: Ints) -> tuple[int, in
 
 
 @core
-def padded(n: int) -> int:
-    """Round up to a multiple of `WIDTH`."""
-    return (n + WIDTH - 1) // WIDTH * WIDTH
+def padded(n: int, width: int) -> int:
+    """Round up to a multiple of a width: of what vector instructions take at once, so that none are left over."""
+    return (n + width - 1) // width * width
 
 
 @core
@@ -116,7 +116,7 @@ def gather(xyz: Floats, found: Candidates, n_runs: int, low: int) -> int:
             near[0, c], near[1, c], near[2, c] = xyz[point, 0], xyz[point, 1], xyz[point, 2]
             found.number[c] = j
             total += 1
-    for after in range(total, padded(total)):
+    for after in range(total, padded(total, WIDTH)):
         near[0, after] = near[1, after] = near[2, after] = np.inf
     return place
 
@@ -163,7 +163,7 @@ def sort_keys(listed: Ints32, n: int, key: Ints32) -> None:
     Every key is compared with every other: for a few dozen that is faster than sorting, as it is done by vector
     instructions and never guesses a branch.
     """
-    full = padded(n)
+    full = padded(n, WIDTH)
     for s in range(n, full):
         listed[s] = np.iinfo(np.int32).max
     for t in range(n):
@@ -178,7 +178,7 @@ def write_keys(xyz: Floats, i: int, found: Candidates, total: int, place: int) -
     """Write the distances of the candidates from point i, which is at `place` among them, and their keys."""
     near, squared, rounded, key = found.near, found.squared, found.rounded, found.key
     x, y, z = xyz[i, 0], xyz[i, 1], xyz[i, 2]
-    full = padded(total)
+    full = padded(total, WIDTH)
     for c in range(full):
         dx, dy, dz = near[0, c] - x, near[1, c] - y, near[2, c] - z
         squared[c] = dx * dx + dy * dy + dz * dz

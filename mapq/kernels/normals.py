@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mapq.kernels._jit import Bools, Floats, Floats32, Ints, Ints32, core, jit, part
+from mapq.kernels.block_search import padded
 from mapq.kernels.order_statistics import select
 from mapq.kernels.planes import MOMENTS, Fit, fit_plane, write_moments
 
@@ -52,7 +53,7 @@ def estimate_normals(xyz: Floats, points: Ints, neighbours: Ints32, normal: Floa
 
 
 WIDTH = 4
-"""Numbers that vector instructions take at once: lists are padded to multiples of it, so that none are left over."""
+"""Lists are padded to multiples of it."""
 REFITS = 2
 CLEAN_SHARE = 0.9
 """Score by point, about 1.7 where all lie on the plane, from which on a clean neighbour's plane is taken."""
@@ -75,14 +76,8 @@ def local_points(xyz: Floats, i: int, neighbours: Ints32, row: int, local: Float
         for axis in range(3):
             local[axis, n_local] = xyz[j, axis] - xyz[i, axis]
         n_local += 1
-    local[:, n_local : padded(n_local)] = np.nan
+    local[:, n_local : padded(n_local, WIDTH)] = np.nan
     return n_local
-
-
-@core
-def padded(n: int) -> int:
-    """Round up to a multiple of `WIDTH`."""
-    return (n + WIDTH - 1) // WIDTH * WIDTH
 
 
 @core
@@ -170,7 +165,7 @@ def count_near(local: Floats, n_local: int, nx: float, ny: float, nz: float, nea
     """
     half = 0.25 * near
     score = 0
-    for c in range(padded(n_local)):
+    for c in range(padded(n_local, WIDTH)):
         r = nx * local[0, c] + ny * local[1, c] + nz * local[2, c]
         score += int(r * r <= near) + int(r * r <= half)
     return score
