@@ -49,7 +49,7 @@ def lines(found: dict[str, Any]) -> Iterator[str]:
         errors = "".join(f"{error:>7.3f}" for error in each["ece"])
         yield f"{_mark(row)}{place:14}{variant:14}{each['n_between']:>6}{shares}{errors}"
     yield ""
-    yield from _of_surfaces(rows)
+    yield from _of_kinds(rows)
     yield "whole maps: right before wrong by compare, and by mean map entropy at one density; larger error has larger"
     yield "share; most that a share moves from 1/1 to 1/6; disagreement: known, median error, in bounds, width"
     for place, variant, row in rows:
@@ -74,14 +74,20 @@ def lines(found: dict[str, Any]) -> Iterator[str]:
     yield "* for development; all others for judging alone"
 
 
-def _of_surfaces(rows: list[tuple[str, str, dict[str, Any]]]) -> Iterator[str]:
+def _of_kinds(rows: list[tuple[str, str, dict[str, Any]]]) -> Iterator[str]:
     """Yield how kinds of surfaces are judged."""
     yield "kinds of surfaces; scans known at 0.1 m, points alone at 0.3 m: share of points; patches truly apart (n),"
-    yield "their AUC against those that are not, found; patches of right maps (n), called"
+    yield "their AUC against those that are not, found; patches of right maps (n), called; at 0.3 m above 0.3 m against"
+    yield f"below 0.1 m: AUC, recall at {FALSE_ALARMS:.0%} false alarms; at 0.1 m: found of 0.12 to 0.3 m,"
+    yield "called of below 0.05 m"
     for place, variant, row in rows:
-        for name, each in row["surfaces"].items():
+        for name, each in row["kinds"].items():
             cells = f"{each['share_of_points']:>8.2f}{each['n_far']:>7}{each['auc']:>8.3f}{each['found']:>7.2f}"
-            yield f"{_mark(row)}{place:14}{variant:14}{name:9}{cells}{each['n_right']:>7}{each['alarms']:>8.3f}"
+            cells += (
+                f"{each['n_right']:>7}{each['alarms']:>8.3f}{each['auc_at_last']:>10.3f}{each['recall_at_last']:>7.2f}"
+            )
+            cells += f"{each['found_between']:>9.2f}{each['called_below']:>8.3f}"
+            yield f"{_mark(row)}{place:14}{variant:14}{name:9}{cells}"
     yield ""
 
 

@@ -15,7 +15,18 @@ import numpy as np
 import pytest
 import shapely
 
-from benchmarks import bitmap, commands, figure3, figure4, figure5, scores, unseen, unseen_rivals, unseen_sets
+from benchmarks import (
+    bitmap,
+    commands,
+    figure3,
+    figure4,
+    figure5,
+    scores,
+    unseen,
+    unseen_numbers,
+    unseen_rivals,
+    unseen_sets,
+)
 from benchmarks.contours import contour_polygons, write_contours
 from benchmarks.regression import regression_scores
 from benchmarks.unseen_sets import Map
@@ -210,7 +221,7 @@ def test_scans_spread_by_what_they_are_displaced():
     assert unseen_rivals.spread_of(patches) == pytest.approx([0.4], abs=0.02)
 
 
-def said(row: Map, label: list[int], score: list[float], metres: list[float]) -> unseen.Said:
+def said(row: Map, label: list[int], score: list[float], metres: list[float]) -> unseen_numbers.Said:
     """Return what is said of a map whose patches have 1 m² each."""
     n, values = len(label), np.array(score)
     called = values > 0.5
@@ -219,10 +230,10 @@ def said(row: Map, label: list[int], score: list[float], metres: list[float]) ->
     plain = unseen_rivals.Plain(np.array(metres), np.full(n, np.nan), np.zeros(n), values.mean())
     known = np.column_stack([values - 0.1, values, values + 0.1])
     scores = {unseen.MODEL: values}
-    at = {t: Labelling(called.astype(np.uint8), values.astype(np.float32), values) for t in unseen.TOLERANCES}
+    at = {t: Labelling(called.astype(np.uint8), values.astype(np.float32), values) for t in unseen_numbers.TOLERANCES}
     of_kind = np.zeros(n, np.uint8), np.full(n, 1.0 / n)
     share = float(called.mean())
-    return unseen.Said(
+    return unseen_numbers.Said(
         row, np.array(label), plain, np.ones(n), called, values, scores, share, 1.0, *of_kind, points, known, at
     )
 
@@ -234,11 +245,14 @@ def test_a_set_is_summed_up_by_density():
         Map("a-halves", "a", "wrong", "halves", 1.0, 1), [bad] * 6 + [none] * 4, [0.9] * 5 + [0.3] * 5, [0.9] * 10
     )
     sparse = said(Map("a-halves-6", "a", "wrong", "halves", 1.0, 1, 6), [bad] * 6, [0.9] * 3 + [0.3] * 3, [np.nan] * 6)
-    found = unseen.summary([right, wrong, sparse], unseen.SCANS)
+    found = unseen_numbers.summary([right, wrong, sparse], unseen.SCANS)
     assert found["role"] == "judging"
-    upright = found["surfaces"]["upright"]
+    upright, level = found["kinds"]["upright"], found["kinds"]["level"]
     assert (upright["n_far"], upright["n_right"], upright["alarms"]) == (10, 10, 0.1)
-    assert upright["found"] == 0.5
+    assert upright["found"] == upright["recall_at_last"] == 0.5
+    assert (upright["auc_at_last"], upright["called_below"]) == (pytest.approx(0.95), 0.1)
+    assert found["kinds"]["both"] == pytest.approx(upright, nan_ok=True)
+    assert level["n_far"] == level["share_of_points"] == 0
     assert found["false_alarms"] == {1: {"n": 10, "patches": 0.1, "area": 0.1}}
     rank = found["ranks"][1]
     assert (rank["n"], rank["recall_shipped"], rank["alarms_shipped"]) == (16, pytest.approx(5 / 6), 0.1)
