@@ -49,18 +49,14 @@ def test_a_pipe_gets_a_plain_line_every_ten_seconds(clock: Clock, capsys: pytest
     ]
 
 
-def test_time_may_count_from_the_start_of_the_command(clock: Clock, capsys: pytest.CaptureFixture[str]) -> None:
-    for _ in range(2):
-        with console.progress(None, "compiling", begun=90.0) as report:
+def test_time_counts_from_the_start_of_the_command(clock: Clock, capsys: pytest.CaptureFixture[str]) -> None:
+    console.reset("prf sample")
+    assert console.settings.command == "prf sample"
+    for description in ("compiling", "sampling"):
+        with console.progress(None, description) as report:
             clock.now += 11.0
             report(1)
-    assert capsys.readouterr().err.splitlines() == ["compiling  elapsed 0:00:21", "compiling  elapsed 0:00:32"]
-
-
-def test_a_command_is_named_and_has_a_start() -> None:
-    console.reset("prf report")
-    assert console.settings.command == "prf report"
-    assert console.settings.begun is not None
+    assert capsys.readouterr().err.splitlines() == ["compiling  elapsed 0:00:11", "sampling  elapsed 0:00:22"]
 
 
 def test_without_a_total_there_is_no_time_left() -> None:

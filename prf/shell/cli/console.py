@@ -180,25 +180,25 @@ _bars: list[Progress] = []
 
 
 @contextmanager
-def progress(total: float | None, description: str, begun: float | None = None) -> Iterator[Report]:
+def progress(total: float | None, description: str) -> Iterator[Report]:
     """Show the progress of the block, in which a report is cheap enough for every poll.
 
     `total`: what is counted up to (steps, seconds); None when the end is not known. `description`: what is being done,
-    e.g. ``sampling``. `begun`: when what is shown as elapsed began, by ``time.monotonic``; None: now.
+    e.g. ``sampling``. What is shown as elapsed began with the command, in Python with the block.
     """
     if not show_progress():
         yield report_nothing
     elif not (can_redraw(sys.stderr) or in_notebook()):
-        yield _plain(total, description, begun)
+        yield _plain(total, description)
     elif _bars:  # one within another gets a line of its own below it
-        task = _add_task(_bars[-1], description, total, begun)
+        task = _add_task(_bars[-1], description, total)
         yield _on_bar(_bars[-1], task)
         _bars[-1].remove_task(task)
     else:
         with _make_bar() as bar:
             _bars.append(bar)
             try:
-                yield _on_bar(bar, _add_task(bar, description, total, begun))
+                yield _on_bar(bar, _add_task(bar, description, total))
             finally:
                 _bars.remove(bar)
 
@@ -223,10 +223,10 @@ def report_nothing(completed: float, **fields: object) -> None:
     """Show nothing (``-q``, ``--no-progress``, `progress=False`)."""
 
 
-def _add_task(bar: Progress, description: str, total: float | None, begun: float | None) -> Any:
+def _add_task(bar: Progress, description: str, total: float | None) -> Any:
     task = bar.add_task(description, total=total, fields="")
-    if begun is not None:
-        next(each for each in bar.tasks if each.id == task).start_time = begun
+    if settings.begun is not None:
+        next(each for each in bar.tasks if each.id == task).start_time = settings.begun
     return task
 
 
@@ -235,10 +235,10 @@ def _on_bar(bar: Progress, task: Any) -> Report:
     return lambda completed, **fields: bar.update(task, completed=completed, fields=_join(fields))
 
 
-def _plain(total: float | None, description: str, begun: float | None) -> Report:
+def _plain(total: float | None, description: str) -> Report:
     """Return what prints a line every :data:`PLAIN_INTERVAL` seconds, for pipes and log files."""
     last = time.monotonic()
-    start = last if begun is None else begun
+    start = last if settings.begun is None else settings.begun
     first: tuple[float, float] | None = None
 
     def report(completed: float, **fields: object) -> None:

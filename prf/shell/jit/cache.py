@@ -86,7 +86,7 @@ class KernelCache(event.Listener):
                 logger.info(f"{needs}; {self._tool} warm compiles all ahead ...")
             self._shown.callback(gc.set_threshold, *gc.get_threshold())
             gc.set_threshold(COLLECTED_AFTER)
-            self._report = self._shown.enter_context(progress(None, "compiling", settings.begun))
+            self._report = self._shown.enter_context(progress(None, "compiling"))
 
     def on_end(self, event: Any) -> None:
         """Count it."""
