@@ -124,6 +124,7 @@ def test_laser_losses_are_those_of_the_slow_twin() -> None:
         assert abs(loss_at(LASER, density, theta, 16.0) - expected) < 0.03 * 400
 
 
+@pytest.mark.slow
 def test_a_sonar() -> None:
     """The truth is about as probable as the fit: twice the loss of log likelihood is chi-squared of 11 degrees."""
     known = sonar_log(1, 80)
@@ -147,6 +148,7 @@ def test_a_laser() -> None:
     assert found.informed.all()
 
 
+@pytest.mark.slow
 def test_readings_of_the_defaults_leave_the_defaults() -> None:
     """The negative control of the recovery."""
     found = sonar_fit(sonar_log(3, 40, Ring()))

@@ -178,7 +178,8 @@ def soften(chain: Chain, power: float, cost: float) -> Chain:
 
 
 @pytest.mark.parametrize(
-    ("power", "share"), [(1.0, 0.4), (0.1, 0.4), *(pytest.param(p, 1.0, marks=SLOW) for p in (1.0, 0.1, 0.0))]
+    ("power", "share"),
+    [(1.0, 0.4), *(pytest.param(*case, marks=SLOW) for case in ((0.1, 0.4), (1.0, 1.0), (0.1, 1.0), (0.0, 1.0)))],
 )
 def test_twins_agree_when_sensors_may_be_in_black(power: float, share: float) -> None:
     """From a draw of the prior, where they do."""
@@ -293,6 +294,7 @@ def test_twins_agree_whatever_the_cells(cell: float | None) -> None:
     follow(world_chain(3, True, cell), np.random.default_rng(3), 200)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("with_laser", [False, True], ids=["sonar", "laser and sonar"])
 @pytest.mark.parametrize("at_truth", [pytest.param(False, marks=SLOW), True], ids=["from white", "from the truth"])
 def test_twins_agree_on_sonar(at_truth: bool, with_laser: bool) -> None:

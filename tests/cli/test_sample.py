@@ -138,6 +138,7 @@ def test_resuming_tempered_chains_gives_what_an_uninterrupted_run_gives(
     assert "--set sampler.temperatures 4" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_chains_that_disagree_get_a_ladder_and_report_it(
     log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

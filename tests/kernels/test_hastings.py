@@ -24,9 +24,9 @@ ONE_WAY = {"local recolor", "cut wall", "mend wall", "join wall", "part wall", "
 """Moves to whose result no way may lead back."""
 
 
-FEW, MANY = 3, 18
+FEW, MANY = 2, 18
 """States of each of the five cases: as plain Python, and compiled."""
-LEAST = {FEW: 10, MANY: 50}
+LEAST = {FEW: 7, MANY: 50}
 """Valid attempts at each move among them."""
 
 

@@ -384,9 +384,13 @@ def densities(lab: Lab, move: int, start: Chain, end: Chain) -> tuple[float, flo
     return drawn, math.exp(log_proposal_density(move, x, y, lab.plan)) / lab.plan.move_probabilities[move]
 
 
+LONG = (c.TRIANGLE_BIRTH, c.BOX_BIRTH)
+"""Moves with many numbers to differentiate by."""
+
+
 @pytest.mark.parametrize(
     "move",
-    [pytest.param(k, id=NAMES[k], marks=pytest.mark.slow if k == c.TRIANGLE_BIRTH else ()) for k in BRANCHES],
+    [pytest.param(k, id=NAMES[k], marks=pytest.mark.slow if k in LONG else ()) for k in BRANCHES],
 )
 def test_draws_have_the_density_of_the_reference(move: int) -> None:
     rng = np.random.default_rng(SEED)

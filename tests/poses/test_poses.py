@@ -203,6 +203,7 @@ def carried(truth, first, last):
     return truth[kept], given[kept]
 
 
+@pytest.mark.slow
 def test_a_carried_robot_is_found_where_it_was_put_down():
     truth, given = carried(round_the_block(), 30, 46)
     readings = readings_at(BLOCK, truth, given)

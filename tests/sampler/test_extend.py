@@ -117,6 +117,7 @@ def test_what_new_beams_show_of_new_ground_is_there_from_the_start() -> None:
     assert found.counts is not None
 
 
+@pytest.mark.slow
 def test_a_wall_that_moved_is_followed_and_named() -> None:
     """A cupboard that many scans saw is gone: the map follows the more of them, and says which log contradicts."""
     before = sample(scans(hall(cupboard=5.0), [(4.0, 4.0), (6.5, 4.0)], 1, "before"), 80_000)
@@ -221,6 +222,7 @@ def test_a_run_that_let_go_of_poses_goes_on(let_go: Run, forget: bool) -> None:
     assert set(run.laser.scan[run.laser.log == 2].tolist()) == {8, 9, 10, 11}
 
 
+@pytest.mark.slow
 def test_a_run_that_let_go_of_poses_resumes_as_if_never_stopped(posed: Run, let_go: Run, tmp_path: Path) -> None:
     sample(scans(hall(), EVENING, 2, "evening"), 40_000, posed, forget=True, output=tmp_path / "parts")
     prf.resume(tmp_path / "parts", steps=80_000, threads=1, progress=False)

@@ -82,6 +82,7 @@ def profile(readings: Readings, offs: NDArray[np.float64]) -> NDArray[np.float64
     return np.array([log_likelihood(readings, room(9.0 + off)) for off in offs]) - log_likelihood(readings, room())
 
 
+@pytest.mark.slow
 def test_a_wall_is_known_as_well_and_the_ground_as_free_as_before() -> None:
     """The slope and the curvature across the wall within a nat; a wall that is gone costs as much."""
     run = run_of(np.random.default_rng(SEED))
@@ -102,6 +103,7 @@ def test_a_wall_is_known_as_well_and_the_ground_as_free_as_before() -> None:
     assert (passes[1] >= np.minimum(passes[0], 2))[seen].mean() > 0.98
 
 
+@pytest.mark.slow
 def test_beams_that_are_dropped_alone_lose_what_is_known(monkeypatch: pytest.MonkeyPatch) -> None:
     """The control: those that stay at their own weight and reading hold the wall less."""
     run = run_of(np.random.default_rng(SEED))
@@ -121,6 +123,7 @@ def test_what_stands_still_beside_the_poses_is_settled() -> None:
     assert forget.Evidence(dataclasses.replace(run, trajectory=None), run.laser).hit.mean() < 0.5
 
 
+@pytest.mark.slow
 def test_beams_at_fixed_poses_say_no_more_of_a_wall_than_draws_know() -> None:
     """Poses that are uncertain leave a wall less known than the noise of its many beams would."""
     spread = 0.01

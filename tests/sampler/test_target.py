@@ -92,6 +92,7 @@ def short_runs() -> dict[str, dict[str, str]]:
     return found
 
 
+@pytest.mark.slow
 def test_the_compiled_chain_is_that_of_plain_python_bit_for_bit(project_root: Path) -> None:
     code = "import json; from tests.sampler.test_target import short_runs; print(json.dumps(short_runs()))"
     environment = {**os.environ, "NUMBA_DISABLE_JIT": "1", "PYTHONPATH": str(project_root)}

@@ -64,6 +64,7 @@ def tiled_chains(n_draws: int, cost: float = np.inf) -> list[Draws]:
         return list(pool.map(lambda k: tiled.tiled_draws(driven.TARGET, n_draws, SEED + k, cost), range(2)))
 
 
+@pytest.mark.slow
 def test_tiles_leave_the_way_free() -> None:
     for draws in tiled_chains(30):
         assert (obstacles(driven.TARGET, draws) == 0).all()

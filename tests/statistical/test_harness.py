@@ -89,6 +89,7 @@ def test_bounds_change_no_step() -> None:
         assert np.array_equal(first.edges, second.edges)
 
 
+@pytest.mark.slow
 def test_only_the_likelihood_distinguishes_prior_and_posterior() -> None:
     arm = next(arm for arm in control_arms() if "prior" in arm.name)
     assert run_arm(arm, 40, SEED, 1).outside().keys() == {"log likelihood"}

@@ -85,6 +85,7 @@ def prior_scores(steps: int, surplus: float = 1.0) -> LawScores:
     return law_scores(Draws.from_colorings(maps), SCALE, WINDOW, batch=len(maps) // N_BATCHES)
 
 
+@pytest.mark.slow
 def test_loops_obey_the_laws_of_the_prior() -> None:
     # 71 numbers, each beyond 4.5 by chance once in 30,000 (Student, 60 batches).
     scores = prior_scores(8000)

@@ -39,6 +39,7 @@ def worst_change(n: int, with_sonar: bool = False, start: tiled.Begin = tiled.be
     return float(np.abs(z).max())
 
 
+@pytest.mark.slow
 def test_a_round_changes_no_mean_in_a_few_worlds() -> None:
     found = changes(tiled.round_change, 40, SEED)
     assert (found[:, 0] != 0).mean() > 0.9

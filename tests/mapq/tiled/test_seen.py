@@ -140,6 +140,7 @@ def test_tiles_have_the_causes_of_the_map_in_memory(drive, model, missing):
     assert found.scans_apart == pytest.approx(plain.scans_apart, abs=0.02, nan_ok=True)
 
 
+@pytest.mark.slow
 def test_points_of_a_result_in_tiles_have_causes(drive, model, tmp_path):
     target = str(tmp_path / "result.ply")
     result = classify_map(drive, target, model, Configuration(tiles=TileSettings(tile_points=20_000)), False)

@@ -108,7 +108,9 @@ def test_an_empty_coloring_has_one_colour(black: bool) -> None:
     assert black_areas(Draws.from_colorings([empty])).tolist() == [black * SHIFTED.area]
 
 
-@pytest.mark.parametrize(("scale", "window", "n"), [(1.0, UNIT, 60), (0.3, SHIFTED, 60), (3.0, UNIT, 2)])
+@pytest.mark.parametrize(
+    ("scale", "window", "n"), [(1.0, UNIT, 60), (0.3, SHIFTED, 60), pytest.param(3.0, UNIT, 2, marks=pytest.mark.slow)]
+)
 def test_colours_and_areas_agree_with_slow_twins(scale: float, window: Window, n: int) -> None:
     rng = np.random.default_rng(3)
     draws = exact_draws(scale, window, n, rng)

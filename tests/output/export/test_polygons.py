@@ -184,6 +184,7 @@ def test_a_ring_of_many_vertices_on_straight_walls_becomes_its_corners() -> None
     assert len(found.geoms[0].exterior.coords) - 1 <= 6
 
 
+@pytest.mark.slow
 def test_the_probability_of_an_edge_is_the_share_of_draws_with_a_wall_along_it() -> None:
     """By the definition, draw by draw and place by place, for draws and for edges of theirs and others."""
     draws = Draws.from_colorings(random_draws(5, 12))

@@ -128,6 +128,7 @@ def test_a_cupboard_behind_a_screen_is_looked_at() -> None:
     assert by_way.metres[0] <= found.metres[0]
 
 
+@pytest.mark.slow
 def test_a_path_is_settled_from_where_it_is_seen() -> None:
     run, way = make_room_run(), [[8.0, 1.5], [8.0, 4.5]]
     found = run.explore(target=way, radius=0.3)
