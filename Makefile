@@ -17,11 +17,11 @@ setup: $(STAMP) ## make .venv with the project (editable), its extras and the de
 
 $(CORE): pyproject.toml constraints.txt
 	@$(BIN)/python -m pip --version >/dev/null 2>&1 || ./.ci/make-venv "$(PYTHON)" "$(VENV)"
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e .
+	$(BIN)/python -m pip install --quiet --no-compile --disable-pip-version-check -c constraints.txt -e .
 	@touch $@
 
 $(STAMP): $(CORE)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[all,dev]"
+	$(BIN)/python -m pip install --quiet --no-compile --disable-pip-version-check -c constraints.txt -e ".[all,dev]"
 	@touch $@
 
 # The town is assessed while the kernels of the rooms are compiled, which takes one core.
@@ -50,7 +50,7 @@ test-slow: $(DOCS_STAMP) ## the slow tests: long chains, statistics with many dr
 
 test-oldest: ## all tests but the slow ones, with the oldest versions allowed of everything, in .venv-oldest
 	./.ci/make-venv "$(PYTHON)" .venv-oldest
-	.venv-oldest/bin/python -m pip install --quiet --disable-pip-version-check -c tests/packaging/minimum.txt -e ".[all,dev]"
+	.venv-oldest/bin/python -m pip install --quiet --no-compile --disable-pip-version-check -c tests/packaging/minimum.txt -e ".[all,dev]"
 	.venv-oldest/bin/python -m tests.warm_kernels
 	.venv-oldest/bin/python -m pytest -n 2 -m "not uncompiled and not slow"
 
@@ -80,7 +80,7 @@ test-package: setup ## the main jobs with the wheel alone, newest and oldest ver
 	$(BIN)/python -m tests.packaging jobs
 
 $(DOCS_STAMP): $(STAMP)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[docs]"
+	$(BIN)/python -m pip install --quiet --no-compile --disable-pip-version-check -c constraints.txt -e ".[docs]"
 	@touch $@
 
 docs: $(DOCS_STAMP) ## write docs/reference from the command lines, and the site in build/site, with tutorials as notebooks
