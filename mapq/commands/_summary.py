@@ -51,13 +51,20 @@ def summary_lines(result: Result, target: str, limits: Mapping[str, Any]) -> Ite
 def _pose_lines(result: Result) -> Iterator[str]:
     """Yield which scans and edges are wrong; -v lists more of either, whatever their probability."""
     from mapq.posed.check_poses import WRONG
+    from mapq.results.causes import WRONG_SCAN
     from mapq.results.content import scans_of
 
     found, rows = result.poses, scans_of(result)
     wrong = sum(scan.p_wrong > WRONG for scan, _ in rows)
-    if rows and rows[0][1] and not wrong:
-        blame = f"scan {rows[0][0].scan} is blamed for {rows[0][1]:.1f} m2"
-        yield f"scans           none of {len(rows)} is displaced beyond doubt; {blame}"
+    if len(rows) == 2 and not wrong and result.area_by_cause()[WRONG_SCAN]:
+        one, other = rows[1][0], rows[0][0]
+        shift = f"{other.dx:+.2f} {other.dy:+.2f} {other.dz:+.2f} m"
+        yield f"scans           the two disagree, which is wrong they do not show: scan {other.scan} would lie on scan"
+        yield f"                {one.scan} if moved by {shift} and turned by {math.degrees(other.yaw):+.2f} deg"
+    elif rows and rows[0][1] and not wrong:
+        most = max(scan.p_wrong for scan, _ in rows)
+        blame = f"most of the area, {rows[0][1]:.1f} m2, is put down to scan {rows[0][0].scan}"
+        yield f"scans           none of {len(rows)} is surely displaced (p {most:.2f} at most); {blame}"
     elif rows:
         yield f"scans           {wrong} of {len(rows)} probably displaced"
     for scan, area in rows[: N_POSES if is_verbose() else min(wrong, 1)]:
@@ -108,7 +115,7 @@ def _tolerance(result: Result, limits: Mapping[str, Any]) -> str:
     verdict, words = result.verdict(**limits), f"{result.tolerance:.2f} m"
     if verdict["resolution_m"] != verdict["resolution_m"]:
         return f"{words}; scans are not known, so copies are found by points alone{_advice(result)}"
-    left = f"of {verdict['unresolved_share_of_area']:.1%} of the area they do not show whether it is farther apart"
+    left = f"{verdict['unresolved_share_of_area']:.1%} of the area one scan alone saw, or several too little to compare"
     return f"{words}; scans resolve {verdict['resolution_m']:.3f} m; {left}"
 
 

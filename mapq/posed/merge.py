@@ -23,6 +23,9 @@ Floats = NDArray[np.float64]
 
 AT_THE_SENSOR = 0.01
 """Metres: closer returns are not returns; many sensors write (0, 0, 0) for "no return"."""
+SHELL, FEWEST, DENSER = 0.01, 0.002, 20.0
+"""Beams without a return: their share of a scan at least, in a shell so many metres thick at its largest range, and how
+many times as many they are as all in the metre before it. Sensors write their largest number for "no return", too."""
 FINEST, COARSEST = 0.05, 100.0
 """Metres: side of the cubes by which too many points are thinned first; it is doubled until they are few enough."""
 PASS = "pass_id"
@@ -59,10 +62,13 @@ def merge(
     settings = settings or MergeSettings()
     parts: list[PointCloud] = []
     counts, voxel = [], settings.voxel
+    empty: list[float] = []  # ranges of beams without a return
     for scan in range(len(scans)):
         cloud = scans.read(scan)
         counts.append(len(cloud))
-        parts.append(thinned(_in_reach(cloud, range_of(settings)), voxel))
+        cloud, ranges = _in_reach(cloud, range_of(settings))
+        empty.extend(ranges)
+        parts.append(thinned(cloud, voxel))
         while settings.voxel is None and (voxel or 0.0) < COARSEST and sum(map(len, parts)) > settings.max_points:
             # The first point of a cube is the first of one of its eighths, so that steps leave what one step would.
             voxel = FINEST if voxel is None else 2.0 * voxel
@@ -72,6 +78,9 @@ def merge(
         raise InputError(
             f"{scans.source}: no point is left of {sum(counts)}. Check scans.min_range and scans.max_range."
         )
+    if empty:
+        words = "%s: %d points at %.2f m, the largest range, are beams without a return and left out"
+        logger.warning(words, scans.source, len(empty), max(empty))
     if voxel != settings.voxel:
         words = "%s: %d points are too many for memory: one of each scan in %g m is kept; --every K takes fewer scans"
         logger.info(words, scans.source, sum(counts), voxel)
@@ -133,11 +142,18 @@ def range_of(settings: MergeSettings) -> tuple[float, float]:
     return settings.min_range or (0.0 if settings.submaps else AT_THE_SENSOR), settings.max_range or np.inf
 
 
-def _in_reach(cloud: PointCloud, reach: tuple[float, float]) -> PointCloud:
-    """Return the points of a scan between two ranges."""
+def _in_reach(cloud: PointCloud, reach: tuple[float, float]) -> tuple[PointCloud, Floats]:
+    """Return the points of a scan between two ranges, and the ranges (b,) of its beams without a return, left out."""
     distance = np.linalg.norm(cloud.metric_of(cloud.xyz), axis=1)
     with np.errstate(invalid="ignore"):
-        return cloud.take(cloud.finite() & (distance > reach[0]) & (distance <= reach[1]))
+        is_kept = cloud.finite() & (distance > reach[0]) & (distance <= reach[1])
+    farthest = distance[is_kept].max(initial=0.0)
+    is_shell = is_kept & (distance > farthest - SHELL)
+    n = np.count_nonzero(is_shell)
+    before = np.count_nonzero(is_kept & (distance > farthest - 1.0)) - n
+    if n <= max(FEWEST * len(cloud), DENSER * before):
+        is_shell[:] = False
+    return cloud.take(is_kept & ~is_shell), distance[is_shell]
 
 
 def cell_keys(xyz: Floats, side: float, source: str = "the map") -> NDArray[np.int64]:

@@ -56,9 +56,9 @@ def verdict_line(findings: Findings) -> str:
     state = "passes" if verdict["passed"] is True else "fails"
     asked, apart, least = (verdict.get(name) for name in ("fail_over", "fail_apart", "min_coverage"))
     words = [] if asked is None else [f"no more than {percent(asked)} was asked for"]
-    words += [] if apart is None else [f"scans no more than {number(apart)} m apart in the median"]
+    words += [] if apart is None else [f"scans no more than {number(apart, 3)} m apart in the median"]
     words += [] if DASH in (coverage, percent(least)) else [f"{percent(least)} to be judged"]
-    return f'{line} <span class="verdict-{state}">{state}: {" and ".join(words)}</span>'
+    return f'{line}. <span class="verdict-{state}">{state}: {" and ".join(words)}</span>'
 
 
 def facts(findings: Findings) -> str:
@@ -92,7 +92,7 @@ def _facts(findings: Findings) -> Iterator[tuple[str, str]]:
     if verdict.get("resolution_m") is not None:
         resolved = f"{number(verdict['resolution_m'], 3)} m in the median"
         left = percent(verdict.get("unresolved_share_of_area"))
-        yield "scans resolve", f"{resolved}; of {left} of the area they do not show whether it is farther apart"
+        yield "scans resolve", f"{resolved}; {left} of the area one scan alone saw, or several too little to compare"
     expected = percent(counts.get("expected_share_of_area"))
     yield "expected", f"{expected} of the surface judged is wrong by the mean of p, if p holds for maps like this one"
     if verdict.get("cause") is not None and cloud.fields.get("cause") is not None:
@@ -117,13 +117,25 @@ def poses_line(findings: Findings) -> str:
         wrong = [escape(name(row)) for row in rows if row["p_wrong"] > WRONG]
         more = f" and {len(wrong) - MOST_NAMED} more, listed below" if len(wrong) > MOST_NAMED else ""
         worst = rows[0] if rows else {}
-        if worst.get("blamed_m2") and not wrong:
-            blame = f"<strong>{escape(name(worst))}</strong> is blamed for {number(worst['blamed_m2'])} m²"
-            parts.append(f"None of {len(rows)} {kind} is displaced beyond doubt; {blame}.")
+        if kind == "scans" and len(rows) == 2 and not wrong and _area_of_wrong_scans(findings):
+            shift = ", ".join(number(worst[axis], 2) for axis in ("dx", "dy", "dz"))
+            first, other = (escape(name(row)) for row in rows)
+            moved = f"<strong>{first}</strong> would lie on {other} if moved by {shift} m"
+            parts.append(f"The two scans disagree, and which is wrong they do not show: {moved}.")
+        elif worst.get("blamed_m2") and not wrong:
+            most = number(max(row["p_wrong"] for row in rows), 2)
+            blame = f"{number(worst['blamed_m2'])} m², is put down to <strong>{escape(name(worst))}</strong>"
+            parts.append(
+                f"None of {len(rows)} {kind} is surely displaced (p {most} at most); most of the area, {blame}."
+            )
         elif rows:
             named = f"<strong>{', '.join(wrong[:MOST_NAMED])}</strong>{more}," if wrong else "none"
             parts.append(f"Probably wrong {kind}: {named} of {len(rows)}.")
     return " ".join(parts)
+
+
+def _area_of_wrong_scans(findings: Findings) -> float:
+    return float(findings.part("verdict", "area_by_cause_m2").get("wrong scan") or 0.0)
 
 
 def _scan_name(row: Row) -> str:

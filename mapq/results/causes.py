@@ -222,6 +222,9 @@ class _ScanMotions(NamedTuple):
             return Cause(UNKNOWN, f"the motions of scans {one} and {other} put it {metres:.2f} m apart only", measures)
         edge = self.breaks.edge_over(one, other)
         is_apart = edge is None or min(abs(scan - end) for end in edge.ends) > BESIDE
+        if len(self.breaks.motion) == 2 and edge is None:
+            text = f"scans {one} and {other} put it {metres:.2f} m apart{along}; which is wrong two do not show"
+            return Cause(WRONG_SCAN, text, measures)
         if by_scan > max(by_jump, by_drift) and is_apart:
             return Cause(WRONG_SCAN, f"scan {scan} puts it {by_scan:.2f} m off{along}", measures | {"scan": scan})
         if edge is not None:

@@ -155,7 +155,8 @@ def group_words(group: str, values: dict[str, float]) -> str:
         return f"scans that see it disagree by {metres:.2f} m ({low:.2f} to {high:.2f})"
     if not values["shift_support"] > 0.0:
         return "nearby surfaces would lie on others by no shift"
-    far, along, share = values["shift_length"], values["shift_along"], values["shift_support"]
+    share, along = values["shift_support"], values["shift_along"]
+    far = max(values["shift_length"], along)  # the former is one of the grid of shifts that are tried
     return f"{share:.0%} of nearby surfaces would lie on others if moved by {far:.2f} m, {along:.2f} m along its normal"
 
 

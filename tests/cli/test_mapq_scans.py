@@ -136,6 +136,10 @@ def test_an_e57_of_several_scans_is_checked_scan_by_scan(tmp_path, capsys, monke
     assert len(feet["scans"]) == 4
     assert call(capsys, "segment", "drive.e57", "-q")[0] == 0
     assert "pass_id" in call(capsys, "inspect", "drive.patches")[1]
+    write_e57(tmp_path / "pair.e57", SCANS[1:3], POSES[1:3])
+    pair = json.loads(call(capsys, "classify", "pair.e57", "--json")[1])
+    assert pair["verdict"]["cause"] == "wrong scan"
+    assert [row["blamed_m2"] for row in pair["scans"]] == [0.0, 0.0], "of two neither can be told"
     write_e57(tmp_path / "placed.e57", PLACED, [np.eye(4)] * 4)
     for name, *more in (("drive.e57", "--workers", 1, "--force"), ("placed.e57",)):
         code, out, err = call(capsys, "classify", name, "--json", *more)
@@ -164,6 +168,24 @@ def test_las_beside_poses_is_scans_where_poses_are_named_else_tiles(tmp_path, ca
     for more, warned in (([], True), (["--poses", "las/poses.txt"], False)):
         code, _, err = call(capsys, "classify", "las", *more)
         assert (code, words in err) == (0, warned), err
+
+
+def test_beams_without_a_return_are_left_out(tmp_path, caplog) -> None:
+    """A sensor wrote its largest range for them; a limit that drops them says nothing."""
+    (tmp_path / "scans").mkdir()
+    turn = np.linspace(0.0, 1.0, 40)
+    arc = 32.767 * np.column_stack([np.cos(turn), np.sin(turn), 0.0 * turn])
+    for scan, points in enumerate(SCANS):
+        cloud = PointCloud.from_world(np.concatenate([points, arc]).astype(np.float32))
+        write_cloud(str(tmp_path / "scans" / f"{scan}.ply"), cloud)
+    (tmp_path / "poses.txt").write_text(POSE_FILES["kitti"][1])
+    scans = find_scans([str(tmp_path)])
+    merged = merge_scans(scans)
+    assert "160 points at 32.77 m, the largest range, are beams without a return and left out" in caplog.text
+    assert len(merged) == sum(map(len, SCANS))
+    caplog.clear()
+    assert len(merge_scans(scans, MergeSettings(max_range=32.0))) == len(merged)
+    assert "without a return" not in caplog.text
 
 
 def test_too_many_points_are_thinned_as_one_voxel_would(tmp_path, capsys, monkeypatch) -> None:

@@ -63,4 +63,6 @@ def test_kernels_are_counted_while_they_are_compiled(
     unregister: Any = event.unregister
     unregister("numba:compile", cache)
     assert len(cache.compiled) == 3
-    assert caplog.messages == ["compiling what this call needs, once on this machine; toy warm compiles all ahead ..."]
+    assert caplog.messages == [
+        "compiling what this call needs for such an input, once on this machine; toy warm compiles all ahead ..."
+    ]

@@ -224,7 +224,7 @@ def test_a_result_carries_causes():
     assert not {"cause", "original_cause"} & set(again.fields)
 
 
-def test_the_scan_that_is_blamed_comes_first_where_none_is_displaced_beyond_doubt(tmp_path):
+def test_the_scan_that_is_blamed_comes_first_where_none_is_surely_displaced(tmp_path):
     """Its area is named; a shift whose bounds reach 0 is not."""
     result = assess(wall_of_two_laps(0.5, 0.02), make_model())
     causes = {patch: Cause(WRONG_SCAN, "scan 1 puts it off", {"scan": 1}) for patch in result.causes}
@@ -244,16 +244,25 @@ def test_the_scan_that_is_blamed_comes_first_where_none_is_displaced_beyond_doub
     told, findings, found = look(rows)
     assert [row["scan"] for row in told.head()["scans"]] == [1, 0, 2]
     assert [row["blamed_m2"] for row in told.head()["scans"]] == [pytest.approx(area), 0.0, 0.0]
-    assert f"scans           none of 3 is displaced beyond doubt; scan 1 is blamed for {area:.1f} m2" in found
-    assert f"None of 3 scans is displaced beyond doubt; <strong>s1.ply</strong> is blamed for {area:.1f} m²." in (
-        poses_line(findings)
-    )
+    unsure = "none of 3 is surely displaced (p 0.00 at most); most of the area"
+    assert f"scans           {unsure}, {area:.1f} m2, is put down to scan 1" in found
+    unsure = unsure.replace("of 3", "of 3 scans").capitalize()
+    assert poses_line(findings) == f"{unsure}, {area:.1f} m², is put down to <strong>s1.ply</strong>."
     table = pose_tables(findings)
     assert (
         f"<td>s1.ply</td><td>0.20, 0.00, 0.00</td><td>0.00</td><td>0.01 to 0.41</td><td>0.000</td><td>{area:.1f}<"
         in table
     )
     assert "<td>s0.ply</td><td>–</td><td>–</td><td>0.00 to 0.47</td>" in table
+    # Of two neither can be told.
+    causes = {patch: Cause(WRONG_SCAN, "which is wrong two do not show", {}) for patch in result.causes}
+    _, findings, found = look(rows[:2])
+    assert "scans           the two disagree, which is wrong they do not show: scan 0 would lie on scan" in found
+    assert "                1 if moved by +0.05 +0.00 +0.00 m and turned by +0.00 deg" in found
+    assert poses_line(findings) == (
+        "The two scans disagree, and which is wrong they do not show: "
+        "<strong>s0.ply</strong> would lie on s1.ply if moved by 0.05, 0.00, 0.00 m."
+    )
     # One that is probably displaced is first whatever the area.
     told, findings, found = look([rows[2]._replace(p_wrong=0.9, low=0.1), *rows[:2]])
     assert [row["scan"] for row in told.head()["scans"]] == [2, 0, 1]
