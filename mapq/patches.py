@@ -39,6 +39,8 @@ STEEP, FLAT = np.sin(np.radians([30.0, 60.0]))
 FEW_FLAT = 0.4
 """Share of neighbourhoods that show a plane below which little is known of a map: right ones, cut at the level that
 shows most, have half or more, unless most of them is vegetation; smeared as a whole a quarter to two fifths."""
+DOUBT, MUCH_DOUBT = 0.1, 0.1
+"""Probability above which what is called plausible is in doubt, and the share of the area of which that is much."""
 
 
 def surface_kinds(
@@ -289,6 +291,14 @@ def caveat(verdict: Mapping[str, Any]) -> str:
     flat = verdict.get("flat_share")
     little = flat is not None and flat < FEW_FLAT
     return f"; it says little, as only {flat:.0%} of neighbourhoods are flat at any scale tried" if little else ""
+
+
+def in_doubt(label: NDArray[np.uint8], probability: ArrayLike, area: ArrayLike) -> str:
+    """Return words that say of how much of the area (m,) in m² labels (m,) are in doubt by p (m,); empty of little."""
+    is_open = (label != SUSPICIOUS) & (np.asarray(probability) > DOUBT)
+    total = np.nansum(area)
+    share = float(np.nansum(np.asarray(area)[is_open]) / total) if total else 0.0
+    return f"{share:.0%} of the area is in doubt (p above {DOUBT:g})" if share >= MUCH_DOUBT else ""
 
 
 def large_share(counts: Mapping[str, Any]) -> float:

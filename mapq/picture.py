@@ -106,7 +106,7 @@ class Picture(NamedTuple):
             shown = shown[((self.xyz[shown] >= low) & (self.xyz[shown] <= high)).all(axis=1)]
         xyz, rgb, layer = self.xyz[shown], self.scheme.rgb[shown], self.scheme.layer[shown]
         flat = {"plan": (xyz[:, :2], xyz[:, 2]), "3d": axonometric(xyz)}
-        page, places = _page([Bounds.around(flat[view][0]) for view in views])
+        page, places, subtitle = _page([Bounds.around(flat[view][0]) for view in views], self.subtitle)
         for view, axes in zip(views, places, strict=True):
             xy, height = flat[view]
             # In plan view red lies over blue whatever its height: what is suspicious must be seen.
@@ -120,7 +120,7 @@ class Picture(NamedTuple):
             else:
                 pictures.bare_axes(axes)
         _add_legend(places[0], self.scheme)
-        pictures.add_title(places[0], self.title, self.subtitle)
+        pictures.add_title(places[0], self.title, subtitle)
         return page
 
     def png(self) -> bytes | None:
@@ -251,21 +251,23 @@ def axonometric(xyz: Floats, azimuth: float = AZIMUTH, elevation: float = ELEVAT
     return xyz @ np.stack([right, up], axis=1), xyz @ towards
 
 
-def _page(bounds: list[Bounds]) -> tuple[Figure, list[Axes]]:
-    """Return a page with one window a view, the first at the top."""
+def _page(bounds: list[Bounds], subtitle: str) -> tuple[Figure, list[Axes], str]:
+    """Return a page with one window a view, the first at the top, and the subtitle in lines that fit it."""
     margins = pictures.Margins(left=0.9, right=1.35)
     sizes = [pictures.drawn_size(bound, pictures.LARGEST_WIDTH, 5.6) for bound in bounds]
     widest = max(max(width for width, _ in sizes), 4.0)
     gaps = (len(sizes) - 1) * (margins.bottom + GAP)
-    height = margins.bottom + sum(height for _, height in sizes) + gaps + margins.top
+    subtitle = pictures.in_lines(subtitle, widest + margins.right)
+    above = margins.top + subtitle.count("\n") * pictures.LINE / 72.0
+    height = margins.bottom + sum(height for _, height in sizes) + gaps + above
     page = pictures.new_page(margins.left + widest + margins.right, height)
-    places, top = [], height - margins.top
+    places, top = [], height - above
     for bound, (wide, high) in zip(bounds, sizes, strict=True):
         axes = pictures.add_axes(page, margins.left, top - high, wide, high)
         pictures.show_window(axes, bound)
         places.append(axes)
         top -= high + margins.bottom + GAP
-    return page, places
+    return page, places, subtitle
 
 
 def _scatter(axes: Axes, xy: Floats, rgb: NDArray[np.float32]) -> None:

@@ -15,8 +15,6 @@ if TYPE_CHECKING:
 
 N_POSES = 10
 """Scans, and edges, that -v lists."""
-DOUBT, MUCH_DOUBT = 0.1, 0.1
-"""Probability above which what is called plausible is in doubt, and the share of the area of which that is much."""
 
 
 def summary_lines(result: Result, target: str, limits: Mapping[str, Any]) -> Iterator[str]:
@@ -121,14 +119,12 @@ def _tolerance(result: Result, limits: Mapping[str, Any]) -> str:
 
 def _advice(result: Result) -> str:
     """Return where to look next if points alone leave much of a map in doubt; else nothing."""
-    from mapq.results.content import share_of
+    from mapq.patches import in_doubt
     from mapq.results.verdict import LEAST_TOLERANCE
 
-    in_doubt = ~result.is_suspicious & (result.probability > DOUBT)
-    share = share_of(float(result.area[in_doubt].sum()), float(result.area.sum()))
-    if not share >= MUCH_DOUBT or not result.model.tolerances[0] <= LEAST_TOLERANCE < result.tolerance:
-        return ""
-    return f"; {share:.0%} of the area is in doubt (p above {DOUBT:g}), try --tolerance {LEAST_TOLERANCE:g}"
+    words = in_doubt(result.labelling.label, result.probability, result.area)
+    finer = result.model.tolerances[0] <= LEAST_TOLERANCE < result.tolerance
+    return f"; {words}, try --tolerance {LEAST_TOLERANCE:g}" if words and finer else ""
 
 
 def _verdict(result: Result, limits: Mapping[str, Any]) -> str:

@@ -8,7 +8,7 @@ from pathlib import PurePath
 from typing import Any
 
 from mapq.io.maps import Row
-from mapq.patches import apart_words, caveat, large_share
+from mapq.patches import apart_words, caveat, in_doubt, large_share
 from mapq.posed.check_poses import WRONG
 from mapq.report.findings import MAX_REGIONS, Findings
 from mapq.report.histogram import histogram, histogram_svg
@@ -54,11 +54,26 @@ def verdict_line(findings: Findings) -> str:
     if verdict.get("passed") is None:
         return line
     state = "passes" if verdict["passed"] is True else "fails"
-    asked, apart, least = (verdict.get(name) for name in ("fail_over", "fail_apart", "min_coverage"))
-    words = [] if asked is None else [f"no more than {percent(asked)} was asked for"]
-    words += [] if apart is None else [f"scans no more than {number(apart, 3)} m apart in the median"]
-    words += [] if DASH in (coverage, percent(least)) else [f"{percent(least)} to be judged"]
+    limits = list(_limits(verdict, counts.get("coverage")))
+    words = [text for holds, text in limits if state == "passes" or not holds]
     return f'{line}. <span class="verdict-{state}">{state}: {" and ".join(words)}</span>'
+
+
+def _limits(verdict: Mapping[str, Any], coverage: float | None) -> Iterator[tuple[bool, str]]:
+    """Yield of each limit that a map must keep whether it does, and words."""
+    asked, apart, least = (verdict.get(name) for name in ("fail_over", "fail_apart", "min_coverage"))
+    share, off = verdict.get("share_of_area"), verdict.get("scans_apart_m")
+    if asked is not None:
+        holds = share is not None and share <= asked
+        yield holds, f"{'at most' if holds else 'more than'} the {percent(asked)} asked for"
+    if apart is not None and off is None:
+        yield False, "how far scans are apart is not known"
+    elif apart is not None and off is not None:
+        limit = f"{'within' if off <= apart else 'more than'} {number(apart, 3)} m"
+        yield off <= apart, f"scans are {number(off, 3)} m apart in the median, {limit}"
+    if least is not None and coverage is not None:
+        holds = coverage >= least
+        yield holds, f"{'at least' if holds else 'less than'} {percent(least)} judged"
 
 
 def facts(findings: Findings) -> str:
@@ -93,6 +108,8 @@ def _facts(findings: Findings) -> Iterator[tuple[str, str]]:
         resolved = f"{number(verdict['resolution_m'], 3)} m in the median"
         left = percent(verdict.get("unresolved_share_of_area"))
         yield "scans resolve", f"{resolved}; {left} of the area one scan alone saw, or several too little to compare"
+    elif doubt := in_doubt(findings.label, findings.probability, findings.area):
+        yield "in doubt", f"{doubt}; mapq classify calls more of it with a smaller --tolerance"
     expected = percent(counts.get("expected_share_of_area"))
     yield "expected", f"{expected} of the surface judged is wrong by the mean of p, if p holds for maps like this one"
     if verdict.get("cause") is not None and cloud.fields.get("cause") is not None:

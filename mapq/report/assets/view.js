@@ -128,8 +128,7 @@ Views.View = (() => {
       pen.globalAlpha = 1;
     }
     drawSelected(pen, size) {
-      const ink = Theme.rgb("map-ink"),
-        mark = this.look.mark || { points: ink, line: [240, 160, 0] },
+      const mark = this.look.mark || { points: this.look.colour(this.look.selected), line: [240, 160, 0] },
         half = 0.6 * size;
       pen.fillStyle = css(mark.points);
       this.eachPoint(this.look.selected, (px, py) => pen.fillRect(px - half, py - half, 2 * half, 2 * half));

@@ -44,7 +44,7 @@ def test_a_page_shows_the_result(tmp_path):
     assert data["measures"]["rms_m"][3] == pytest.approx(told.rows[3]["rms_m"], rel=1e-4)
     assert len(data["regions"]) == len(told.head["regions"])
     assert f"{100 * told.head['verdict']['share_of_area']:.1f} %</strong>" in page
-    assert "fails: no more than 5.0 % was asked for" in page
+    assert "fails: more than the 5.0 % asked for" in page
     assert "16 of 32 suspicious" in page
     assert '<html lang="en">' in page
 
@@ -57,7 +57,7 @@ def test_a_page_shows_coverage_and_disagreement_of_scans(tmp_path):
     told.rows[3].update(disagreement_m=0.12345, low=0.05, high=0.25)
     page = report(tmp_path / "s.html", told)
     assert "; 64.0 % of all points lie in patches large enough to judge, 12.5 % of these were judged" in page
-    assert "and 20.0 % to be judged" in page
+    assert "and less than 20.0 % judged" in page
     assert "it says little, as only 34% of neighbourhoods are flat" in page
     assert "12.5 % of the points in patches that are large enough, in which 64.0 % of all points lie" in page
     assert data_of(page)["apart"][3] == [0.123, 0.05, 0.25]
