@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from prf.kernels.readings.cones import MAX_DISTANCE
-from prf.kernels.score.passed_cells import choose_lacking, count_passes, mark_cones
+from prf.kernels.score.passed_cells import choose_lacking, count_passes, mark_cones, mark_up_to
 from prf.kernels.state.grid import Grid, cells_of, make_grid, most_cells
 from prf.model.layout import image_grid
 from prf.model.ranges import make_poses, unit_vectors, window_exit
@@ -71,7 +71,7 @@ def seen_cells(
     grid = image_grid(window, resolution)
     seen = np.full((grid.ny, grid.nx), points is not None)
     if laser is not None:
-        seen |= seen_by_beams(grid, window, laser.origin, laser.angle, laser.range, laser.max_range)
+        seen |= seen_by_beams(grid, window, laser)
     if sonar is not None:
         seen |= seen_by_cones(grid, window, sonar.origin, sonar.angle, sonar.cone, sonar.range, sonar.max_range)
     return seen
@@ -103,11 +103,34 @@ def count_beams(
     return passes, hits, end[returned]
 
 
-def seen_by_beams(grid: Grid, window: Window, origin: Floats, angle: Floats, ranges: Floats, max_range: float) -> Bools:
-    """Return which cells (ny, nx) of a grid beams crossed or ended in; parameters as of :func:`beam_ends`."""
-    passes, _, _ = count_beams(grid, window, origin, angle, ranges, max_range)
-    seen: Bools = passes.reshape(grid.ny, grid.nx) > 0
-    return seen
+def seen_by_beams(grid: Grid, window: Window, laser: Readings) -> Bools:
+    """Return which cells (ny, nx) of a grid beams crossed or ended in.
+
+    One without a return counts up to the first wall that other beams show: that wall is what did not return it.
+    """
+    start = np.ascontiguousarray(laser.origin)
+    end, returned = beam_ends(window, start, laser.angle, laser.range, laser.max_range)
+    end, is_empty = np.ascontiguousarray(end), laser.range >= laser.max_range
+    path, passes = np.empty(most_cells(grid), np.int32), np.zeros(grid.nx * grid.ny, np.int64)
+    count_passes(grid, start[~is_empty], end[~is_empty], path, passes)
+    surfaces = np.zeros_like(passes)
+    count_passes(grid, *_surfaces(laser, end, returned), path, surfaces)
+    seen = passes > 0
+    is_wall = (surfaces > 0) & (surfaces >= SOLID * passes)
+    mark_up_to(grid, start[is_empty], end[is_empty], is_wall, path, seen)
+    return seen.reshape(grid.ny, grid.nx)
+
+
+def _surfaces(laser: Readings, end: Floats, returned: Bools) -> tuple[Floats, Floats]:
+    """Return the pieces of surfaces (s, 2), (s, 2) between returns of a scan that follow one another closely.
+
+    `end` (n, 2), `returned` (n,): of its beams.
+    """
+    order = np.lexsort((laser.beam, laser.scan))
+    one, other = order[:-1], order[1:]
+    close = np.hypot(*(end[other] - end[one]).T) < PLACE
+    chosen = returned[one] & returned[other] & (laser.scan[one] == laser.scan[other]) & close
+    return np.ascontiguousarray(end[one[chosen]]), np.ascontiguousarray(end[other[chosen]])
 
 
 def seen_by_cones(
@@ -125,6 +148,7 @@ def seen_by_cones(
     return seen
 
 
+SOLID = 0.25  # pieces of surface for each beam that passes a cell, from which on it is wall to a beam without return
 WORTH_IT = 0.75  # a log is used whole, and exactly, where thinning would keep more than this share of it
 PLACE = 0.5  # side of a square in metres: wide beside the blur of a wall, so that all across it is thinned alike
 DIRECTIONS = 8  # sectors of the direction of a beam

@@ -3,6 +3,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -86,7 +87,8 @@ def test_beams_see_the_cells_that_they_cross_up_to_their_end() -> None:
     origin = rng.uniform(WINDOW[:2], WINDOW[2:], (60, 2))
     angle, ranges = rng.uniform(-np.pi, np.pi, 60), rng.uniform(0.1, 12.0, 60)
     ranges[::7] = np.inf
-    seen = seen_by_beams(GRID, WINDOW, origin, angle, ranges, 9.0)
+    laser = Readings.from_arrays(origin, angle, ranges, scan=np.arange(60))
+    seen = seen_by_beams(GRID, WINDOW, replace(laser, max_range=9.0))
     length = np.minimum(ranges, 9.0)
     end = origin + length[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
     lines = shapely.linestrings(np.stack([origin, end], axis=1))
@@ -94,6 +96,29 @@ def test_beams_see_the_cells_that_they_cross_up_to_their_end() -> None:
     assert seen.shape == (GRID.ny, GRID.nx)
     assert (seen == crossed).all()
     assert 0.2 < seen.mean() < 0.95
+
+
+@pytest.mark.parametrize("walked", [False, True])
+def test_beams_without_a_return_see_up_to_a_wall_that_others_show(walked: bool) -> None:
+    """One that meets no wall counts as far as it may; who walks by is no wall where many beams pass."""
+    bearing = np.radians(np.linspace(-60.0, 60.0, 61))
+    ranges = 3.0 / np.cos(bearing)  # a wall at x = 3, and nothing through a door of it
+    door = np.abs(3.0 * np.tan(bearing) - 2.0) < 0.5
+    ranges[[10, 30]] = np.inf
+    ranges[door] = np.inf
+    scans = [np.where(door, np.inf, 3.0 / np.cos(bearing)) for _ in range(6)] + [ranges]
+    if walked:
+        scans[0] = np.where(np.abs(bearing) < 0.15, 1.0, scans[0])
+    laser = Readings.from_arrays(
+        (0.0, 4.0), np.tile(bearing, 7), np.concatenate(scans), scan=np.repeat(np.arange(7), 61)
+    )
+    seen = seen_by_beams(GRID, WINDOW, replace(laser, max_range=9.0))
+    x, y = np.array(GRID.x0) + GRID.cell * (np.arange(GRID.nx) + 0.5), GRID.y0 + GRID.cell * (np.arange(GRID.ny) + 0.5)
+    behind = seen[:, x > 3.0 + GRID.cell]
+    through = (y > 4.0 + 1.2) & (y < 4.0 + 5.0)
+    assert not behind[~through].any()
+    assert behind[through].any()
+    assert seen[(y > 3.0) & (y < 5.0)][:, (x > 0.5) & (x < 2.5)].all()
 
 
 def test_cones_see_no_less_than_they_cover_and_little_more() -> None:

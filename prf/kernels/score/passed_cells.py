@@ -25,6 +25,16 @@ def count_passes(grid: Grid, start: Array, end: Array, path: Array, passes: Arra
 
 
 @core_entry
+def mark_up_to(grid: Grid, start: Array, end: Array, is_wall: Array, path: Array, seen: Array) -> None:
+    """Set `seen` (n_cells,) in cells that beams pass, up to the first of a wall; parameters as of `count_passes`."""
+    for beam in range(start.shape[0]):
+        for k in range(walk(grid, start[beam, 0], start[beam, 1], end[beam, 0], end[beam, 1], path)):
+            seen[path[k]] = True
+            if is_wall[path[k]]:
+                break
+
+
+@core_entry
 def choose_lacking(grid: Grid, start: Array, end: Array, least: int, path: Array, wanted: Array, chosen: Array) -> None:
     """Choose, in their order, beams that pass at least `least` cells in which some are still `wanted` (n_cells,)."""
     for beam in range(start.shape[0]):
