@@ -61,7 +61,7 @@ def _pose_lines(result: Result) -> Iterator[str]:
         yield f"                {one.scan} if moved by {shift} and turned by {math.degrees(other.yaw):+.2f} deg"
     elif rows and rows[0][1] and not wrong:
         most = max(scan.p_wrong for scan, _ in rows)
-        blame = f"most of the area, {rows[0][1]:.1f} m2, is put down to scan {rows[0][0].scan}"
+        blame = f"{rows[0][1]:.1f} m2 are put down to scan {rows[0][0].scan}"
         yield f"scans           none of {len(rows)} is surely displaced (p {most:.2f} at most); {blame}"
     elif rows:
         yield f"scans           {wrong} of {len(rows)} probably displaced"

@@ -23,9 +23,10 @@ Floats = NDArray[np.float64]
 
 AT_THE_SENSOR = 0.01
 """Metres: closer returns are not returns; many sensors write (0, 0, 0) for "no return"."""
-SHELL, FEWEST, DENSER = 0.01, 0.002, 20.0
-"""Beams without a return: their share of a scan at least, in a shell so many metres thick at its largest range, and how
-many times as many they are as all in the metre before it. Sensors write their largest number for "no return", too."""
+SHELL, FEWEST, LEAST_SHARE, DENSER = 0.01, 20, 0.002, 20
+"""Beams without a return, for which sensors write one number, lie in a shell so many metres thick at the largest range
+of a scan: they are more than so many, a larger share of the scan, and so many times what lies in the metre before.
+"""
 FINEST, COARSEST = 0.05, 100.0
 """Metres: side of the cubes by which too many points are thinned first; it is doubled until they are few enough."""
 PASS = "pass_id"
@@ -151,7 +152,7 @@ def _in_reach(cloud: PointCloud, reach: tuple[float, float]) -> tuple[PointCloud
     is_shell = is_kept & (distance > farthest - SHELL)
     n = np.count_nonzero(is_shell)
     before = np.count_nonzero(is_kept & (distance > farthest - 1.0)) - n
-    if n <= max(FEWEST * len(cloud), DENSER * before):
+    if n <= max(FEWEST, LEAST_SHARE * len(cloud), DENSER * before):
         is_shell[:] = False
     return cloud.take(is_kept & ~is_shell), distance[is_shell]
 

@@ -141,10 +141,8 @@ def poses_line(findings: Findings) -> str:
             parts.append(f"The two scans disagree, and which is wrong they do not show: {moved}.")
         elif worst.get("blamed_m2") and not wrong:
             most = number(max(row["p_wrong"] for row in rows), 2)
-            blame = f"{number(worst['blamed_m2'])} m², is put down to <strong>{escape(name(worst))}</strong>"
-            parts.append(
-                f"None of {len(rows)} {kind} is surely displaced (p {most} at most); most of the area, {blame}."
-            )
+            blame = f"{number(worst['blamed_m2'])} m² are put down to <strong>{escape(name(worst))}</strong>"
+            parts.append(f"None of {len(rows)} {kind} is surely displaced (p {most} at most); {blame}.")
         elif rows:
             named = f"<strong>{', '.join(wrong[:MOST_NAMED])}</strong>{more}," if wrong else "none"
             parts.append(f"Probably wrong {kind}: {named} of {len(rows)}.")

@@ -244,10 +244,10 @@ def test_the_scan_that_is_blamed_comes_first_where_none_is_surely_displaced(tmp_
     told, findings, found = look(rows)
     assert [row["scan"] for row in told.head()["scans"]] == [1, 0, 2]
     assert [row["blamed_m2"] for row in told.head()["scans"]] == [pytest.approx(area), 0.0, 0.0]
-    unsure = "none of 3 is surely displaced (p 0.00 at most); most of the area"
-    assert f"scans           {unsure}, {area:.1f} m2, is put down to scan 1" in found
-    unsure = unsure.replace("of 3", "of 3 scans").capitalize()
-    assert poses_line(findings) == f"{unsure}, {area:.1f} m², is put down to <strong>s1.ply</strong>."
+    unsure = "of 3{} is surely displaced (p 0.00 at most)"
+    assert f"scans           none {unsure.format('')}; {area:.1f} m2 are put down to scan 1" in found
+    unsure = unsure.format(" scans")
+    assert poses_line(findings) == f"None {unsure}; {area:.1f} m² are put down to <strong>s1.ply</strong>."
     table = pose_tables(findings)
     assert (
         f"<td>s1.ply</td><td>0.20, 0.00, 0.00</td><td>0.00</td><td>0.01 to 0.41</td><td>0.000</td><td>{area:.1f}<"
