@@ -73,7 +73,7 @@ def regression_scores(
     whole, config = read_readings(str(log)), Configuration().replace(max_range=max_range)
     kept = thin(whole, **chosen)
     kept = kept.within(hold_out(kept, config).model.limit)
-    window = chosen_window(None, kept.origin, kept.angle, kept.range)
+    window = chosen_window(None, [kept])
     rng = np.random.default_rng(seed)
     rows, number = [], np.unique(kept.scan, return_inverse=True)[1]
     for fold in range(FOLDS):

@@ -85,7 +85,7 @@ def info(
         if json:
             storage.emit_object("prf.info/1", storage.jsonable(summary))
             return
-        rows = (*rows, *_lines(summary), ("map it", summary.command))
+        rows = (*rows, *_lines(summary), *([("map it", summary.command)] if summary.command else []))
         if summary.command_poses:
             rows = (*rows, ("poses too", summary.command_poses), ("", POSES_TOO))
     for name, value in rows:
@@ -98,7 +98,7 @@ def _summary(found: Inputs, kind: Kind | None, config: Configuration) -> LogSumm
 
     from prf.poses.given import given_errors
     from prf.readings import describe
-    from prf.readings.describe import Suspicion
+    from prf.readings.describe import WRONG_UNITS, Suspicion
 
     readings, is_raw = _read(found, kind, config)
     assert found.log is not None
@@ -114,7 +114,8 @@ def _summary(found: Inputs, kind: Kind | None, config: Configuration) -> LogSumm
         summary = dataclasses.replace(summary, pose_error=(errors.metres, errors.radians))
     typed = "".join(f" --{name} {value}" for name in ("topic", "frame") if (value := getattr(config.readings, name)))
     command, poses_too = (found.command(kind=summary.kind, flags=(each + typed).strip()) for each in (flags, sampled))
-    poses_too = poses_too if sampled else ""
+    is_hopeless = any(each.code in WRONG_UNITS for each in suspicions)
+    command, poses_too = "" if is_hopeless else command, poses_too if sampled and not is_hopeless else ""
     return dataclasses.replace(summary, suspicions=tuple(suspicions), command=command, command_poses=poses_too)
 
 
@@ -200,6 +201,8 @@ def _rows(summary: LogSummary) -> Iterator[tuple[str, str]]:
     yield "scans", f"{summary.n_scans} of {fewest if fewest == most else f'{fewest} to {most}'} beams"
     invalid = f", {summary.n_invalid} dropped (not a number, or too short)" if summary.n_invalid else ""
     yield "beams", f"{summary.n_beams} usable, {summary.n_zero_ranges} dropped (range 0){invalid}"
+    if summary.range_unit:
+        yield "ranges", summary.range_unit
     if summary.kind == "sonar":
         yield "cone", " to ".join(f"{cone:.3f}" for cone in sorted(set(summary.cones))) + " rad"
         yield "ring", _ring(summary.ring)

@@ -11,9 +11,10 @@ from typing import NamedTuple
 import numpy as np
 
 from prf.readings.directions import guess_angles
-from prf.readings.matrix import Ranges, looks_like_matrix, ranges_of, wide_arrays
+from prf.readings.matrix import Ranges, beam_directions, looks_like_matrix, ranges_of, wide_arrays
 from prf.readings.open import log_stem, recognise
 from prf.readings.text import BYTE_ORDER_MARK, decompress
+from prf.readings.units import unit_of
 from prf.shell.cli.files import STREAM, open_input
 from prf.shell.errors import InputError, PrfError
 from prf.shell.poses.bag import HEAD, bag_suffix
@@ -88,7 +89,8 @@ def _with_directions(found: Inputs, ranges: Ranges, poses: PoseFile | None) -> I
         if poses is not None and len(poses.poses) == n:
             heading = np.arctan2(poses.poses[:, 1, 0], poses.poses[:, 0, 0])
             plane = np.column_stack([poses.poses[:, :2, 3], heading])
-        angles, why = guess_angles(ranges.ranges, plane)
+        unit = unit_of(ranges.ranges, plane, lambda metres: beam_directions(guess_angles(metres, plane)[0]))
+        angles, why = guess_angles(ranges.ranges * (1.0 if unit is None else unit.metres), plane)
         rows.append(("directions", f"taken for {angles} degrees, {why}. Give your own by --beam-angles"))
         found = found._replace(beam_angles=angles)
     return found._replace(rows=tuple(rows), missing="" if poses is not None else f"poses: {WANTED_POSES}")
@@ -175,7 +177,7 @@ def _named_parts(path: str, data: bytes) -> list[tuple[str, str, Ranges | PoseFi
 def _of_ranges(found: Ranges) -> str:
     n, width = found.ranges.shape
     largest = np.max(found.ranges, initial=0.0, where=np.isfinite(found.ranges))
-    return f"{n:,} scans of {width} beams, up to {largest:.4g} m" + (f"; {found.words}" if found.words else "")
+    return f"{n:,} scans of {width} beams, up to {largest:.6g}" + (f"; {found.words}" if found.words else "")
 
 
 def _of_poses(found: PoseFile) -> str:

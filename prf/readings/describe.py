@@ -18,7 +18,7 @@ from prf.model.ranges import unit_vectors
 from prf.model.sensors import LARGEST_RANGE, SonarModel
 from prf.model.window import Window
 from prf.readings.readings import Kind, Readings, ScanTable
-from prf.readings.steps import OFF_MIDDLE, devices_of, jitter_of, jumps, listed
+from prf.readings.steps import MEND_UNIT, OFF_MIDDLE, devices_of, jitter_of, jumps, listed
 from prf.readings.text import FloatArray
 
 MAX_RANGE_SHARE = 0.97
@@ -38,6 +38,7 @@ class LogSummary:
     format: str
     kind: Kind  # what the readings are: sonar's if any has an opening angle
     devices: tuple[str, ...]  # the kinds of scan in it: kinds of line, devices or topics
+    range_unit: str  # in which unit ranges were that are metres here, and how that is known; empty: in metres
     poses: str  # where the poses are from
     # where the transducers of a sonar ring sit on the robot, metres and radians; empty if unknown
     ring: tuple[tuple[float, float, float], ...]
@@ -90,6 +91,7 @@ def describe(readings: Readings, path: str) -> LogSummary:
         format=notes.format,
         kind="sonar" if is_sonar else "laser",
         devices=notes.devices,
+        range_unit=notes.range_unit,
         poses=notes.poses,
         ring=notes.ring,
         cones=(float(readings.cone.min()), float(readings.cone.max())),
@@ -155,6 +157,8 @@ MAX_RANGE = 1000.0
 """Metres. Some drivers write the largest float for "no return", which makes a default maximum range of no use."""
 USUAL_RANGE, USUAL_ECHO = 100.0, 20.0
 """Metres. Half of the returns or echoes beyond them are a log in millimetres or centimetres."""
+WRONG_UNITS = ("range-unit", "pose-unit")
+"""Codes of suspicions with which nothing can be mapped."""
 MAX_ANGLE = 4 * np.pi  # radians. Beyond it headings are counted over turns at best, in degrees at worst
 
 
@@ -235,7 +239,7 @@ def _ranges(readings: Readings) -> Iterator[Suspicion]:
         return
     usual = float(np.quantile(finite, 0.5, method="lower"))
     if usual > (USUAL_ECHO if readings.cone.any() else USUAL_RANGE):
-        yield Suspicion("range-unit", f"half of the ranges are above {usual:g} m: are they in millimetres?")
+        yield Suspicion("range-unit", f"half of the ranges are above {usual:g} m: are they in millimetres? {MEND_UNIT}")
     elif (largest := float(finite.max())) > MAX_RANGE:
         yield Suspicion("largest-range", f"the largest range is {largest:g} m: give the maximum range yourself")
 

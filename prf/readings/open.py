@@ -22,6 +22,7 @@ from prf.readings.readings import Kind, OwnPoses, Readings
 from prf.readings.several import join_logs, warn_of_frames
 from prf.readings.table import REQUIRED, read_table
 from prf.readings.text import BYTE_ORDER_MARK, column_names, content_lines, decompress
+from prf.readings.units import in_metres
 from prf.shell.cli.files import STREAM, open_input
 from prf.shell.errors import ConfigError, InputError
 from prf.shell.poses.bag import HEAD, bag_in, bag_suffix
@@ -94,11 +95,15 @@ def read_readings(
     whose log has none. `poses`: of a file, instead of the log's; then `frame` names the frame of a bag that they are
     of. `odometry`: whether the poses may be raw odometry: logs are then read that have nothing else, and `frame`
     counts for CARMEN's laser lines too. `beam_angles`: directions of the columns of ranges alone, FIRST:STEP:LAST in
-    degrees. Returns: all beams, in the order of the file.
+    degrees; such ranges are taken for centimetres or millimetres where they are surely that
+    (:mod:`prf.readings.units`). Returns: all beams, in the order of the file.
     """
     on_robot = poses is not None
     found = _read(path, kind, topic, frame, cone, on_robot, odometry, beam_angles)
-    return found if poses is None else placed(found, poses)
+    if poses is None:
+        return found
+    found = placed(found, poses)
+    return in_metres(found) if found.notes.format == "ranges" else found
 
 
 def _read(
@@ -185,6 +190,8 @@ def read_logs(
     for found in (*beams, *cones):
         if poses:
             logger.info(f"{found.source}: poses of {found.notes.poses}")
+        if found.notes.range_unit:
+            logger.info(f"{found.source}: ranges {found.notes.range_unit}")
         for warning in found.notes.warnings:
             logger.warning(f"{found.source}: {warning}")
     warn_of_frames(beams)

@@ -130,11 +130,11 @@ class LogNotes:
     scans: ScanTable = field(default_factory=_no_scans)  # the scans of the log
     devices: tuple[str, ...] = ()  # names of the sensors, in the order of their first scan
     n_zero_ranges: int = 0  # beams dropped because their range is exactly 0: an error code, neither a hit nor a miss
-    # beams dropped because their range is not a number, or below the least that the sensor itself claims to measure
-    n_invalid: int = 0
+    n_invalid: int = 0  # beams dropped because their range is nan, or below the least that the sensor claims to measure
     # the sensors' own maximum range, where the log states it and has finite readings at or above it: these are inf in
     # `Readings`. nan otherwise
     sensor_max: float = math.nan
+    range_unit: str = ""  # in which unit ranges were that are metres here, and how that is known; empty: in metres
     # where the poses are from, for a person; of readings on the robot (prf.readings.poses) what the sensor sits on
     poses: str = "in the log"
     # where the transducers of a sonar ring sit on the robot, metres and radians; empty for other sensors

@@ -21,6 +21,7 @@ FAR_APART = 0.2  # share of steps beyond what a robot does from which on they ar
 FAR_TURN = 1.5  # radians between scans whose time distance is unknown
 STILL = 0.01  # metres; a shorter step is none
 USUAL_STEP = 100.0  # metres. Half of the steps beyond it are a log in millimetres or centimetres
+MEND_UNIT = "Save them in metres"
 MOST_LISTED = 8  # scans that a sentence names
 
 OFF_MIDDLE = math.sqrt(1.5) * math.sqrt(2.0 * math.log(2.0))
@@ -88,7 +89,7 @@ def jumps(scans: ScanTable) -> Iterator[tuple[str, str, tuple[int, ...]]]:
         moved, turned, share = _are_far(steps)
         if usual > USUAL_STEP:
             text = f"half of the steps from scan to scan are above {usual:g} m: are the positions in millimetres?"
-            yield "pose-unit", text, ()
+            yield "pose-unit", f"{text} {MEND_UNIT}", ()
             continue
         if share > FAR_APART:
             median = math.degrees(float(np.median(steps.turn)))

@@ -225,8 +225,7 @@ def build_grid(
     """
     beams = _rays(laser, "laser", config, config.laser.max_range)
     cones = _rays(sonar, "sonar", config, config.sonar.max_range)
-    both = ((beams.origin, cones.origin), (beams.angle, cones.angle), (beams.range, cones.range))
-    window = chosen_window(config.prior.window, *map(np.concatenate, both))
+    window = chosen_window(config.prior.window, (beams, cones))
     n_all = beams.n_beams + cones.n_beams
     beams = beams.select(window.contains(beams.origin, strictly=True))
     cones = cones.select(window.contains(cones.origin, strictly=True))

@@ -196,6 +196,7 @@ def prepare(
     beams = None if laser is None else _beams(config, laser)
     cones = None if sonar is None else _cones(config, sonar)
     whole = None
+    _window(config, [part for part in (beams, cones) if part is not None], observed, least)  # where it is refused
     if config.trajectory.is_uncertain and (beams is not None or cones is not None):
         whole, config = _started(config, beams, cones)
         beams, cones = whole.placed(beams, cones, whole.start)
@@ -269,11 +270,7 @@ def _window(
     """Return the window requested, or one round sensors, returns and `least`, or round points without sensors."""
     if config.prior.window is None and observed is not None and not sensors:
         return window_round(observed.xy).joined(least)
-    origin, angle, ranges = (
-        np.concatenate([np.empty(shape), *(getattr(part, name) for part in sensors)])
-        for name, shape in (("origin", (0, 2)), ("angle", 0), ("range", 0))
-    )
-    return chosen_window(config.prior.window, origin, angle, ranges).joined(least)
+    return chosen_window(config.prior.window, sensors, config.prior.scale).joined(least)
 
 
 def _beams(config: Configuration, readings: Readings) -> Readings:

@@ -228,3 +228,18 @@ def test_python_callers_are_warned_too(tmp_path: Path, caplog) -> None:
             )
         assert [record.levelname for record in caplog.records] == ["WARNING"]
         assert "millimetres" in caplog.text
+
+
+@pytest.mark.parametrize("verb", ["sample", "anneal"])
+def test_readings_of_which_no_memory_holds_maps_are_refused_with_what_to_do(
+    verb, tmp_path, monkeypatch, capsys
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    log, end = write(tmp_path / "a.csv", "millimetres"), SPOILING_VERBS[verb][1]
+    assert run_app(app, "prf", [verb, "--laser", log, "-o", end, "--scale", "1", "-q"]) == 3
+    last = capsys.readouterr().err.splitlines()[-1]
+    assert last.startswith(f"error: {log}: the readings reach over 3")
+    assert "Save ranges and poses in metres, or give --max-range, --window" in last
+    wide = ["--window", "0", "0", "1e7", "1e7"]
+    assert run_app(app, "prf", [verb, "--laser", log, "-o", end, *wide, "-q"]) == 2
+    assert "error: --window: 10000000 x 10000000 m, of which no memory holds maps" in capsys.readouterr().err

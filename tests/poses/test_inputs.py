@@ -11,8 +11,10 @@ from scipy.io import savemat
 
 from prf.poses.inputs import sort_files
 from prf.readings import read_readings
+from prf.readings.describe import find_spoiling
 from prf.readings.directions import VIEWS, bend, guess_angles, usual_angles
 from prf.readings.poses import read_poses
+from prf.readings.units import Unit, unit_of
 from prf.shell.errors import InputError
 from prf.shell.poses.files import read_pose_file
 from prf.shell.poses.named import named_arrays
@@ -266,3 +268,49 @@ def test_headings_in_degrees_are_known_by_the_way_or_by_turns(tmp_path: Path, ji
     found = read_pose_file(text(tmp_path, "a.txt", np.column_stack([place, np.degrees(heading)])))
     assert "headings in degrees" in found.layout
     np.testing.assert_allclose(found.poses[:, 0, 0], np.cos(heading), atol=1e-6)
+
+
+# Units of ranges.
+
+UNITS = {"metres": 1.0, "centimetres": 100.0, "millimetres": 1000.0}
+
+
+@pytest.mark.parametrize("unit", UNITS)
+def test_the_unit_of_ranges_is_that_in_which_scans_agree_at_their_poses(tmp_path: Path, unit: str) -> None:
+    files = [text(tmp_path, "a.txt", UNITS[unit] * RANGES), text(tmp_path, "b.txt", TRUTH)]
+    found = sort_files(files)
+    assert found.beam_angles == "-90:1:89"
+    readings = read_readings(files[0], poses=read_poses(files[1], 2.0), beam_angles=found.beam_angles)
+    np.testing.assert_allclose(readings.range, RANGES.ravel(), atol=1e-6)
+    in_words = f"in {unit}, in which scans agree at their poses"
+    assert readings.notes.range_unit == ("" if unit == "metres" else in_words)
+
+
+def test_a_street_in_metres_stays_and_without_another_fitting_unit_none_is_compared() -> None:
+    street = np.full((4, 9), 30.0) + np.arange(9.0)
+    assert unit_of(street, None, lambda _: np.radians(DIRECTIONS[:9])) is None
+    assert unit_of(1000.0 * street, None, lambda _: DIRECTIONS) == Unit(
+        "millimetres", "since half of them are above 33,000"
+    )
+    assert unit_of(0.001 * street, None, lambda _: DIRECTIONS) is None
+    assert unit_of(np.full((4, 9), np.nan), None, lambda _: DIRECTIONS) is None
+
+
+def test_poses_of_other_scans_show_no_unit_and_nothing_is_converted(tmp_path: Path) -> None:
+    files = [
+        text(tmp_path, "a.txt", 1000.0 * RANGES),
+        text(tmp_path, "b.txt", np.random.default_rng(3).permutation(TRUTH)),
+    ]
+    readings = read_readings(files[0], poses=read_poses(files[1], 2.0), beam_angles="-90:1:89")
+    assert readings.notes.range_unit == ""
+    np.testing.assert_allclose(readings.range, 1000.0 * RANGES.ravel(), atol=1e-3)
+    assert "range-unit" in [each.code for each in find_spoiling(readings)]
+
+
+def test_dropped_ranges_and_several_numbers_for_no_return_leave_the_unit(tmp_path: Path) -> None:
+    ranges = 1000.0 * RANGES
+    ranges[:, :3], ranges[5, 20:60], ranges[::2, 100:110] = 0.0, 65535.0, np.nan
+    files = [text(tmp_path, "a.txt", ranges), text(tmp_path, "b.txt", TRUTH)]
+    readings = read_readings(files[0], poses=read_poses(files[1], 2.0), beam_angles="-90:1:89")
+    assert readings.notes.range_unit.startswith("in millimetres")
+    assert readings.largest_range == pytest.approx(65.535)
