@@ -139,7 +139,8 @@ def _read(found: Inputs, kind: Kind | None, config: Configuration) -> tuple[Read
     assert found.log is not None
     own = [found.poses or found.odometry] if found.poses or found.odometry else []
     options = config.readings.replace(poses=tuple(own), beam_angles=found.beam_angles)
-    poses = next(iter(given_poses(options)), None)
+    beside = found.odometry if found.poses is not None else None
+    poses = next(iter(given_poses(options, beside)), None)
     how: dict[str, Any] = {
         "topic": options.topic,
         "frame": options.frame,

@@ -35,6 +35,10 @@ WIDEST_STEP = 1.5  # metres between scans, beyond which turns of the way look li
 BEYOND_JITTER = 8.0  # standard deviations of a step by jitter alone that jumps are beyond
 
 
+SAME_STEP, SAME_TURN = (0.2, 0.2), (0.1, 0.15)
+"""Metres and share of the distance, radians and share of the turn, by which odometry that makes a step too differs."""
+
+
 class Jitter(NamedTuple):
     """Standard deviations by which poses err independently of one another, as the way shows that they make."""
 
@@ -59,6 +63,7 @@ class _Steps(NamedTuple):
     turn: FloatArray
     seconds: FloatArray
     jitter: Jitter
+    is_driven: NDArray[np.bool_]  # whether odometry, which is given by itself, makes the step too
 
 
 def jitter_of(pose: FloatArray) -> Jitter:
@@ -82,7 +87,10 @@ def devices_of(scans: ScanTable) -> Iterator[FloatArray]:
 
 
 def jumps(scans: ScanTable) -> Iterator[tuple[str, str, tuple[int, ...]]]:
-    """Yield code, message and scans of what is wrong with the steps of each device."""
+    """Yield code, message and scans of what is wrong with the steps of each device.
+
+    What odometry beside the poses drove too is no jump.
+    """
     for device in np.unique(scans.device):
         steps = _steps(scans, int(device))
         usual = _usual(steps.distance)
@@ -95,6 +103,7 @@ def jumps(scans: ScanTable) -> Iterator[tuple[str, str, tuple[int, ...]]]:
             median = math.degrees(float(np.median(steps.turn)))
             text = f"scans are far apart: half of the steps are above {usual:.1f} m, or turn by {median:.0f} degrees"
             yield "scans-apart", text, ()
+        moved, turned = moved & ~steps.is_driven, turned & ~steps.is_driven
         if moved.any() or turned.any():
             numbers = tuple(int(n) for n in steps.number[moved | turned])
             sizes = ((steps.distance, moved, ".1f", "m"), (np.degrees(steps.turn), turned, ".0f", "degrees"))
@@ -107,7 +116,20 @@ def _steps(scans: ScanTable, device: int) -> _Steps:
     change = np.diff(scans.pose[rows], axis=0)
     turn = np.abs(np.angle(np.exp(1j * change[:, 2])))
     distance, jitter = np.hypot(change[:, 0], change[:, 1]), jitter_of(scans.pose[rows])
-    return _Steps(scans.number[rows[1:]], distance, turn, np.diff(scans.time[rows]), jitter)
+    driven = np.zeros(len(turn), np.bool_)
+    if scans.odometry is not None and not np.array_equal(scans.odometry[rows], scans.pose[rows]):
+        off = _motions(scans.pose[rows]) - _motions(scans.odometry[rows])
+        apart, turned = np.hypot(off[:, 0], off[:, 1]), np.abs(np.angle(np.exp(1j * off[:, 2])))
+        driven = (apart <= SAME_STEP[0] + SAME_STEP[1] * distance) & (turned <= SAME_TURN[0] + SAME_TURN[1] * turn)
+    return _Steps(scans.number[rows[1:]], distance, turn, np.diff(scans.time[rows]), jitter, driven)
+
+
+def _motions(pose: FloatArray) -> FloatArray:
+    """Return the steps (n - 1, 3) between poses (n, 3): ahead and aside of the first of both, and the turn."""
+    step, heading = np.diff(pose, axis=0), pose[:-1, 2]
+    cosine, sine = np.cos(heading), np.sin(heading)
+    x, y, turn = step.T
+    return np.column_stack([cosine * x + sine * y, cosine * y - sine * x, turn])
 
 
 def _usual(distance: FloatArray) -> float:

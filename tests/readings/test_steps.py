@@ -58,6 +58,20 @@ def test_steps_of_a_thinned_log_are_no_jumps_but_one_far_beyond_them_is(seconds:
     assert found == [("scans-apart", ()), ("pose-jump", (20,))]
 
 
+def test_what_odometry_drove_too_is_no_jump() -> None:
+    pose = WAY.copy()
+    pose[60:, 2] += 2.0  # on the spot
+    pose[120:, 0] += 30.0
+    odometry = WAY + np.cumsum(np.random.default_rng(4).normal(0.0, 0.01, WAY.shape), axis=0) + [3.0, 1.0, 0.0]
+    turned = odometry.copy()
+    turned[60:, 2] += 2.1
+    scans = scans_at(pose)._replace(time=np.full(N, np.nan))
+    jumping = [(None, (60, 120)), (pose, (60, 120)), (odometry, (60, 120)), (turned, (120,))]
+    for driven, numbers in jumping:
+        [found] = jumps(scans._replace(odometry=driven))
+        assert (found[0], found[2]) == ("pose-jump", numbers)
+
+
 def test_poses_of_a_sonar_that_jitter_are_reported_with_the_flag() -> None:
     pose = jittered(0.5)
     rows = "".join(f"{x},{y},{h},2.0,0.3\n" for x, y, h in pose)
