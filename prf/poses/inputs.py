@@ -48,6 +48,11 @@ class Inputs(NamedTuple):
             words += ["--set", f"trajectory.file={self.odometry}"]
         name = log_stem(log) or "map"
         name += "-map" if Path(name).resolve() == Path(log).resolve() else ""  # the folder of a bag has no suffix
+        # A name for each way to map the same files: the commands can be given one after the other.
+        if "--odometry" in flags and self.poses is None:
+            name += "-odometry"
+        elif "--odometry" in flags or "--pose-noise" in flags:
+            name += "-poses"
         end = ["-o", name] if verb == "sample" else []
         return " ".join([shlex.join(words), *([flags] if flags else []), *map(shlex.quote, end)])
 

@@ -52,10 +52,13 @@ def test_three_text_files_are_known_and_have_a_command(tmp_path: Path) -> None:
     flags = "--pose-noise 0.1 0.02 --odometry wheels"
     assert found.command(flags=flags) == (
         f"prf sample --laser {files[1]} --beam-angles -90:1:89 --poses {files[2]} "
-        f"--set trajectory.file={files[0]} {flags} -o a"
+        f"--set trajectory.file={files[0]} {flags} -o a-poses"
     )
     assert sort_files(files[:2]).command(flags="--odometry wheels") == (
-        f"prf sample --laser {files[1]} --beam-angles -90:1:89 --poses {files[0]} --odometry wheels -o a"
+        f"prf sample --laser {files[1]} --beam-angles -90:1:89 --poses {files[0]} --odometry wheels -o a-odometry"
+    )
+    assert sort_files(files).command() == (
+        f"prf sample --laser {files[1]} --beam-angles -90:1:89 --poses {files[2]} -o a"
     )
 
 
