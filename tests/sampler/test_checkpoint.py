@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,10 +12,10 @@ from prf.kernels import constants as c
 from prf.model.window import Window
 from prf.results import names
 from prf.sampler import Ensemble
-from prf.sampler.checkpoint import SCHEMA, Arrays, load_checkpoint, save_checkpoint
+from prf.sampler.checkpoint import SCHEMA, Arrays, load_checkpoint, refuse_other_log, save_checkpoint
 from prf.sampler.schedules import LadderPlan
 from prf.sampler.target import Execution, Target
-from prf.shell.cli.storage import load_arrays, save_arrays, spawn_generators
+from prf.shell.cli.storage import describe_input, load_arrays, save_arrays, spawn_generators
 from prf.shell.errors import InputError
 from tests.driving import advance
 from tests.reference.beams import Sensor
@@ -56,3 +57,15 @@ def test_a_missing_array_is_reported(stored: Arrays, target: Target, tmp_path: P
 
 def test_a_whole_one_is_read(stored: Arrays, target: Target, tmp_path: Path) -> None:
     assert load(stored, target, tmp_path) > stored["chain0.graph.counts"][c.STEP]
+
+
+def test_a_folder_is_the_log_of_a_run_while_its_files_are_the_same(tmp_path: Path) -> None:
+    bag = tmp_path / "bag"
+    bag.mkdir()
+    (bag / "a.mcap").write_bytes(b"some")
+    run = SimpleNamespace(manifest={"inputs": [describe_input(bag)]})
+    bag = bag.rename(tmp_path / "moved")
+    refuse_other_log(run, "--laser", bag)
+    (bag / "a.mcap").write_bytes(b"other")
+    with pytest.raises(InputError, match="not the log that the run was made from"):
+        refuse_other_log(run, "--laser", bag)

@@ -196,6 +196,22 @@ def test_input_is_named_by_its_digest(tmp_path: Path) -> None:
     }
 
 
+def test_a_folder_is_named_by_the_digests_of_its_files(tmp_path: Path) -> None:
+    bag = tmp_path / "bag"
+    (bag / "inner").mkdir(parents=True)
+    assert describe_input(bag) == {"path": str(bag), "sha256": None, "bytes": None}
+    content = {"metadata.yaml": b"version: 9\n", "bag_0.mcap": b"12345"}
+    for name, data in content.items():
+        (bag / name).write_bytes(data)
+    (bag / ".hidden").write_bytes(b"of a file browser")
+    lines = "".join(f"{name} {hashlib.sha256(content[name]).hexdigest()}\n" for name in sorted(content))
+    known = {"path": str(bag), "sha256": hashlib.sha256(lines.encode()).hexdigest(), "bytes": 16}
+    assert describe_input(bag) == known
+    (bag / "bag_0.mcap").rename(bag / "bag_1.mcap")
+    other = describe_input(bag)
+    assert (other["bytes"], other["sha256"] == known["sha256"]) == (16, False)
+
+
 def test_standard_input_has_no_digest() -> None:
     assert describe_input("-") == {"path": "-", "sha256": None, "bytes": None}
 

@@ -179,7 +179,13 @@ _PACKAGES = {"numpy": "numpy", "numba": "numba", "scipy": "scipy"}
 
 
 def describe_input(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """Return ``{"path", "sha256", "bytes"}`` of an input file; ``-`` and pipes have no digest (null)."""
+    """Return ``{"path", "sha256", "bytes"}`` of an input; ``-``, pipes and folders without files have no digest (null).
+
+    Of a folder, as of a ROS 2 bag: the bytes of the files in it, and the digest of the lines ``name sha256`` of these,
+    sorted by name, each ended by a line feed; without hidden ones and folders in it.
+    """
+    if os.path.isdir(path):
+        return _describe_folder(Path(path))
     if os.fspath(path) == "-" or (os.path.exists(path) and not os.path.isfile(path)):
         # A stream has been read by now and cannot be read again.
         return {"path": os.fspath(path), "sha256": None, "bytes": None}
@@ -189,6 +195,18 @@ def describe_input(path: str | os.PathLike[str]) -> dict[str, Any]:
             return {"path": os.fspath(path), "sha256": digest, "bytes": stream.tell()}
     except OSError as error:
         raise InputError(f"{path}: {system_reason(error)}.") from error
+
+
+def _describe_folder(folder: Path) -> dict[str, Any]:
+    """Return the same of a folder."""
+    names = sorted(file.name for file in folder.iterdir() if file.is_file() and not file.name.startswith("."))
+    files = [describe_input(folder / name) for name in names]
+    lines = "".join(f"{name} {file['sha256']}\n" for name, file in zip(names, files, strict=True))
+    digest = hashlib.sha256(lines.encode("utf-8", "surrogateescape")).hexdigest()
+    known = (
+        {"sha256": digest, "bytes": sum(file["bytes"] for file in files)} if files else {"sha256": None, "bytes": None}
+    )
+    return {"path": os.fspath(folder), **known}
 
 
 def versions() -> dict[str, str]:
