@@ -80,6 +80,8 @@ def in_metres(readings: Readings) -> Readings:
 
     The directions of the beams are the same in all scans.
     """
+    if not readings.n_beams:
+        return readings
     scans = readings.notes.scans
     row = np.searchsorted(scans.number, readings.scan)
     width = int(readings.beam.max()) + 1
