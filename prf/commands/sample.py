@@ -52,6 +52,7 @@ Scheduler = Annotated[
 
 SOURCES: dict[ReadingKind, str] = {"laser": "--laser", "sonar": "--sonar", "points": "--point-data"}
 """Kind of readings to the option that names its log."""
+OUTPUT = {"--output", "-o"}
 
 
 @with_settings(Configuration, *IN_MANIFEST)
@@ -316,7 +317,7 @@ def _advice(run: Run, folder: Path) -> str:
     assert run.diagnostics is not None
     configuration, diagnostics = run.manifest["configuration"], run.diagnostics
     seconds, is_flat = diagnostics["suggested_seconds"], diagnostics["trend"] == "flat"
-    is_tempered, waits = "tempering" in diagnostics, configuration.get("temperatures") == "auto"
+    waits = configuration.get("temperatures") == "auto" and "tempering" not in diagnostics
     again = f"prf sample --resume {shlex.quote(str(folder))}"
     if seconds is not None:
         words = range_words(diagnostics["suggested_least"], seconds)
@@ -327,12 +328,29 @@ def _advice(run: Run, folder: Path) -> str:
         return ""
     if run.trajectory is not None or run.walls is not None:
         return f"Run longer: {again}"
-    if waits and not is_tempered:
+    if waits:
         return "Tempering: none so far, the chains were not found to disagree; run longer (docs/convergence.md)."
-    other = "see docs/convergence.md" if is_tempered else "try --set sampler.temperatures=auto (docs/convergence.md)"
+    anew = _tempered_command(run, folder)
+    other = f"sample anew with parallel tempering: {anew}" if anew else "see docs/convergence.md."
     if is_flat:
-        return f"The chains do not approach each other, and more time alone will not help: {other}."
-    return f"Run longer ({again}), or {other}."
+        return f"The chains do not approach each other, and more time alone will not help: {other}"
+    return f"Run longer ({again}), or {other}"
+
+
+def _tempered_command(run: Run, folder: Path) -> str:
+    """Return the command that samples the same anew on temperature ladders; empty where there is none to give.
+
+    A run cannot be given ladders: resumed or extended it keeps its settings. Tiles that were asked for exclude them.
+    """
+    import shlex
+
+    command, made = list(map(str, run.manifest["command"])), run.manifest
+    is_typed = command[:1] == ["prf"] or command[:3] == ["python", "-m", "prf"]
+    if "tempering" in (run.diagnostics or {}) or "tiles" in made["sources"] or "extends" in made or not is_typed:
+        return ""
+    words = [word for word in command if word not in ("--force", "-f")]
+    kept = [word for before, word in zip(["", *words], words, strict=False) if not {before, word} & OUTPUT]
+    return shlex.join([*kept, "--set", "sampler.temperatures=auto", "-o", f"{folder}-tempered"])
 
 
 def _ladders(reports: list[dict[str, Any]]) -> str:

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import os
+import shlex
 import shutil
 import signal
 import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from prf.commands.sample import _advice
 from prf.model.coloring import violations
 from prf.output.run import read_run
 from prf.sampler import ensemble
@@ -165,6 +169,34 @@ def test_chains_that_disagree_get_a_ladder_and_report_it(
     assert [chain["first_step"] for chain in found.diagnostics["tempering"]] == [40_000, 40_000]
     assert prf("sample", "--resume", str(whole), "--set", "sampler.temperatures=4") == 2
     assert "the run to resume has auto" in capsys.readouterr().err
+
+
+def test_the_advice_to_temper_is_a_command_that_runs(log: Path, office: Path, tmp_path: Path) -> None:
+    """A ladder cannot be given to a run: the advice is to sample anew, elsewhere, with what the run was made with."""
+    read = read_run(office)
+    folder = tmp_path / "my office"
+    command = ["prf", "sample", "--laser", str(log), *QUICK, "-f", "--steps", "2000", "-o", str(folder)]
+    diagnostics = {**(read.diagnostics or {}), "suggested_seconds": None, "converged_seen": False, "trend": "flat"}
+    run = dataclasses.replace(read, manifest={**read.manifest, "command": command}, diagnostics=diagnostics)
+    advice = _advice(run, folder)
+    assert advice.startswith("The chains do not approach each other, and more time alone will not help: sample anew")
+    words = shlex.split(advice[advice.index("prf sample") :])
+    assert "-f" not in words
+    assert prf(*words[1:], "-q") == 0
+    assert read_run(f"{folder}-tempered").manifest["configuration"]["temperatures"] == "auto"
+    assert not folder.exists()
+
+
+@pytest.mark.parametrize(
+    "made",
+    [{"sources": {"tiles": "--set"}}, {"extends": {"path": "before"}}, {"command": ["script.py", "--fast"]}],
+)
+def test_no_command_is_advised_that_would_be_refused(office: Path, made: dict[str, Any]) -> None:
+    read = read_run(office)
+    diagnostics = {**(read.diagnostics or {}), "suggested_seconds": None, "converged_seen": False, "trend": "unknown"}
+    manifest = {**read.manifest, "command": ["prf", "sample", "--laser", "log"], **made}
+    advice = _advice(dataclasses.replace(read, manifest=manifest, diagnostics=diagnostics), office)
+    assert advice == f"Run longer (prf sample --resume {office}), or see docs/convergence.md."
 
 
 def test_nothing_is_left_to_do_for_a_run_that_has_its_steps(office: Path, capsys: pytest.CaptureFixture[str]) -> None:
