@@ -21,6 +21,7 @@ from prf.results import RunData, map_text, names
 from prf.results.convergence import Diagnosis, range_words, time_words
 from prf.results.disputes import disputes
 from prf.results.explore import explore
+from prf.shell.cli.console import reported
 from prf.shell.cli.files import encoded, open_output
 from prf.shell.cli.outputs import beside
 from prf.shell.cli.page import escape, packed_json, page, table
@@ -55,8 +56,13 @@ def report_document(
         raise InputError(f"{run.name}: no draws yet, so there is nothing to report. Resume with prf sample --resume.")
     if run.image is None:
         raise run.missing(names.POSTERIOR)
-    kept, draws = fitting(run)
-    returns = None if edition else returned(run, run.image.resolution)  # as the places to look from: dear to find
+    with reported(not edition, 3, "making the page") as report:
+        kept, draws = fitting(run)
+        report(1)
+        returns = None if edition else returned(run, run.image.resolution)
+        report(2)
+        places = [] if edition else places_of(run)
+        report(3)
     cells, scene = pack_image(run.image, returns), pack_scene(run)
     content = {
         "title": escape(title or title_of(run)),
@@ -72,7 +78,7 @@ def report_document(
         "settings": settings_table(run),
         "aspect": f"{run.draws.window.height / run.draws.window.width:.3f}",
         "share": _share(len(kept.draws), len(run.draws)),
-        "data": packed_json({"edition": edition, **_data(run, draws, cells, scene, edition > 0)}),
+        "data": packed_json({"edition": edition, **_data(run, draws, cells, scene), "places": places}),
         "draws": draws.text,
         "cells": cells.text,
         "scene": scene.text,
@@ -82,7 +88,7 @@ def report_document(
     return text, len(kept.draws), policy
 
 
-def _data(run: RunData, draws: Numbers, cells: Numbers, scene: Numbers, is_live: bool) -> dict[str, Any]:
+def _data(run: RunData, draws: Numbers, cells: Numbers, scene: Numbers) -> dict[str, Any]:
     window = run.draws.window
     return {
         "name": run.name,
@@ -92,7 +98,6 @@ def _data(run: RunData, draws: Numbers, cells: Numbers, scene: Numbers, is_live:
         "cells": cells.head,
         "scene": scene.head,
         "map": _best_map(run),
-        "places": [] if is_live else places_of(run),
     }
 
 
@@ -103,9 +108,9 @@ def page_beside(run: str | os.PathLike[str]) -> str:
 
 
 def places_of(run: RunData) -> list[dict[str, float]]:
-    """Return the best places to look from, as `prf explore` finds them; none where it finds nothing to say."""
+    """Return the best places to look from, in brief; none where `prf explore` finds nothing to say."""
     try:
-        found = explore(run)
+        found = explore(run, is_brief=True)
     except InputError:  # no readings, or no free ground where the sensor was last: the page has all else to show
         return []
     columns = {"x": found.xy[:, 0], "y": found.xy[:, 1], "theta": found.theta, "gain": found.gain}

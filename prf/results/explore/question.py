@@ -29,6 +29,8 @@ CELL = 0.2
 """Side of the cells whose entropies are summed, metres."""
 LEAST_ENTROPY = 0.02
 """Nats below which a cell is settled."""
+MOST_CELLS = 6_000
+"""Unsettled cells that are asked: of more, one in so many stands for those beside it."""
 NEAR_WAY = 0.2
 """Metres beside the ground that a path needs, whose cells rank places for it."""
 EVERY = 2
@@ -46,7 +48,8 @@ class Question(NamedTuple):
     black: NDArray[np.bool_]  # (n, c) their colours in draws
     jury: Jury  # of the cells, or of the answer
     is_path: bool
-    entropy: float  # nats, of the cells or of the answer
+    entropy: float  # nats, of all cells or of the answer
+    weight: float  # entropy of all cells by that of those asked
 
 
 def ask(draws: Draws, n_chains: int, target: Floats | None, radius: float) -> Question:
@@ -65,9 +68,12 @@ def ask(draws: Draws, n_chains: int, target: Floats | None, radius: float) -> Qu
     black = black_at_draws(draws, cell)
     open_ = entropy_of(black)
     kept = open_ > LEAST_ENTROPY
-    cell, black = cell[kept], black[:, kept]
-    asked = black if answer is None else answer
-    return Question(cell, black, make_jury(asked, n_chains), answer is not None, float(entropy_of(asked).sum()))
+    every = max(1, -(-int(kept.sum()) // MOST_CELLS))
+    total, kept = float(open_[kept].sum()), np.flatnonzero(kept)[::every]
+    cell, black, weight = cell[kept], black[:, kept], total / float(open_[kept].sum()) if len(kept) else 1.0
+    if answer is None:
+        return Question(cell, black, make_jury(black, n_chains), False, total, weight)
+    return Question(cell, black, make_jury(answer, n_chains), True, float(entropy_of(answer).sum()), 1.0)
 
 
 def is_ring(target: Floats) -> bool:
@@ -125,4 +131,5 @@ def gain_at(
         return answer_gain(question.jury, misfit, scanner.field_of_view)
     offset = question.cell - place
     sector = np.where(np.hypot(*offset.T) < scanner.max_range + CELL, sector_of(offset), -1)
-    return cells_gain(question.jury, misfit, sector, scanner.field_of_view)
+    gain, heading = cells_gain(question.jury, misfit, sector, scanner.field_of_view)
+    return gain * np.float32(question.weight), heading

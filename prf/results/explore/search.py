@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from prf.model.coloring import Draws
+from prf.model.window import Window
 from prf.results import names
 from prf.results.convergence import FEWEST_DRAWS, effective_size, pieces
 from prf.results.estimate import LEVEL, PIECES, by_chain
@@ -17,6 +18,7 @@ from prf.results.explore.question import CELL, EVERY, Question, ask, gain_at, ra
 from prf.results.explore.reach import Reach, reachable
 from prf.results.explore.scanner import Scanner, first_walls, scanner_of
 from prf.results.run import RunData
+from prf.shell.cli.console import progress
 from prf.shell.errors import InputError, UsageError
 
 MOST_DRAWS, LEAST_DRAWS = 256, 64
@@ -25,6 +27,8 @@ MOST_COLOURS = 32_000_000
 """Cells times draws, about, up to which they are not fewer: 10 bytes each."""
 MOST_PLACES = 60
 """Places that are weighed in full: the best of all by a cheap estimate."""
+BRIEF_DRAWS, BRIEF_CANDIDATES, BRIEF_PLACES = 128, 300, 16
+"""In brief: draws that are compared, places that are ranked, and those weighed, which are not beside each other."""
 MOST_DISTANCES = 8_000_000
 """Beams that are cast at once."""
 LEAST_METRES = 1.0
@@ -76,12 +80,7 @@ class Exploration(NamedTuple):
 
     def shown(self) -> list[int]:
         """Return the numbers of the best places for pictures: surely of some gain, and not beside a better one."""
-        kept: list[int] = []
-        for number in np.flatnonzero(self.low > 0.0).tolist():
-            away = np.hypot(*(self.xy[kept] - self.xy[number]).T)
-            if len(kept) < MOST_SHOWN and (away >= APART).all():
-                kept.append(number)
-        return kept
+        return spread(self.xy, np.flatnonzero(self.low > 0.0), MOST_SHOWN)
 
 
 def explore(
@@ -90,8 +89,12 @@ def explore(
     target: Floats | None = None,
     radius: float = RADIUS,
     by: By = "gain",
+    is_brief: bool = False,
 ) -> Exploration:
-    """Return the best places to look from; see :meth:`prf.output.run.Run.explore`."""
+    """Return the best places to look from; see :meth:`prf.output.run.Run.explore`.
+
+    `is_brief`: as good as a picture needs, in a small part of the time, by fewer draws and for places :data:`APART`.
+    """
     if len(run.draws) == 0:
         raise InputError(f"{run.name}: no draws yet: nothing can be estimated. Resume with prf sample --resume.")
     if not 0.0 < radius < np.inf:
@@ -109,10 +112,11 @@ def explore(
             x, y = points[int(outside.argmax())]
             raise InputError(f"{what}: ({x:g}, {y:g}) lies outside the window of {run.name}, where nothing is known.")
     most = int(MOST_COLOURS * CELL**2 / run.draws.window.area)
-    draws, n_chains = thinned(run.draws, run.chain, min(max(most, LEAST_DRAWS), MOST_DRAWS))
+    most = min(max(most, LEAST_DRAWS), BRIEF_DRAWS if is_brief else MOST_DRAWS)
+    draws, n_chains = thinned(run.draws, run.chain, most)
     reach = reachable(draws, begin, radius)
     question = ask(draws, n_chains, target, radius)
-    return _ranked(question, draws, reach, scanner, by)
+    return _ranked(question, draws, reach, scanner, by, is_brief)
 
 
 def last_place(run: RunData) -> Floats | None:
@@ -131,13 +135,27 @@ def thinned(draws: Draws, chain: NDArray[np.int32], most: int = MOST_DRAWS) -> t
     return Draws.from_colorings([draws[row] for row in rows[:, kept].ravel().tolist()], draws.window), n_chains
 
 
-def candidates(reach: Reach) -> NDArray[np.int64]:
+def spread(xy: Floats, numbers: NDArray[np.int64], most: int) -> list[int]:
+    """Return the first of `numbers` of places `xy` (n, 2) that are not beside an earlier one, so many at most."""
+    kept: list[int] = []
+    for number in numbers.tolist():
+        if len(kept) == most:
+            break
+        if (np.hypot(*(xy[kept] - xy[number]).T) >= APART).all():
+            kept.append(number)
+    return kept
+
+
+def candidates(reach: Reach, most: int | None = None) -> NDArray[np.int64]:
     """Return the numbers of the reachable places that are asked: those of the white squares of a board, 0.57 m apart.
 
-    InputError if there is none but the start.
+    On wider boards if they are more than `most`. InputError if there is none but the start.
     """
-    half, odd = np.divmod(reach.lattice, 2)
-    found = np.flatnonzero((odd == 0).all(axis=1) & (half.sum(axis=1) % 2 == 0))
+    side, found = 2, np.arange(len(reach.lattice))
+    while side == 2 or (most is not None and len(found) > most):
+        square, off = np.divmod(reach.lattice, side)
+        found = np.flatnonzero((off == 0).all(axis=1) & (square.sum(axis=1) % 2 == 0))
+        side += 1
     if len(found) < 2:
         x, y = reach.xy[0]
         raise InputError(
@@ -147,27 +165,16 @@ def candidates(reach: Reach) -> NDArray[np.int64]:
     return found
 
 
-def _ranked(question: Question, draws: Draws, reach: Reach, scanner: Scanner, by: By) -> Exploration:
+def _ranked(question: Question, draws: Draws, reach: Reach, scanner: Scanner, by: By, is_brief: bool) -> Exploration:
     """Return the reachable places in the order of their gains."""
-    from threadpoolctl import threadpool_limits  # noqa: PLC0415 - finds the libraries that are loaded
-
     segments = [each.segments() for each in draws]
     metres = np.maximum(reach.metres, LEAST_METRES)
-    places = candidates(reach)
-    cheap = np.empty(len(places))
-    batch = max(1, MOST_DISTANCES // (N_BEAMS * len(draws)))
-    for first in range(0, len(places), batch):
-        xy = reach.xy[places[first : first + batch]]
-        distance = first_walls(segments[::EVERY], draws.window, xy, N_BEAMS, scanner)
-        cheap[first : first + batch] = rank_places(question, distance, xy, scanner)
+    places = candidates(reach, BRIEF_CANDIDATES if is_brief else None)
+    cheap = _cheap_gains(question, segments, draws.window, reach.xy[places], scanner)
     worth = cheap if by == "gain" else cheap / metres[places]
-    places = places[np.argsort(-worth, kind="stable")[:MOST_PLACES]]
-    distance = first_walls(segments, draws.window, reach.xy[places], N_BEAMS, scanner)
-    rows = np.empty((len(places), 4))
-    with threadpool_limits(1):  # small products: threads that wait for each other cost more than they bring
-        for number, xy in enumerate(reach.xy[places]):
-            gain, theta = gain_at(question, distance[:, number], xy, scanner)
-            rows[number] = theta, *_with_bounds(gain.astype(np.float64), question.jury.n_chains)
+    order = np.argsort(-worth, kind="stable")
+    places = places[spread(reach.xy[places], order, BRIEF_PLACES) if is_brief else order[:MOST_PLACES]]
+    rows = _weighed(question, segments, draws.window, reach.xy[places], scanner)
     # More than all cannot be settled, but for the error of the entropy itself.
     rows[:, 1] = np.minimum(rows[:, 1], question.entropy)
     if question.is_path:
@@ -178,6 +185,34 @@ def _ranked(question: Question, draws: Draws, reach: Reach, scanner: Scanner, by
     ways = tuple(reach.way(place) for place in places.tolist())
     found = (reach.metres[places], gain_ / metres[places], reach.p_free[places], ways)
     return Exploration(reach.xy[places], theta_, gain_, low, high, *found, question.entropy)
+
+
+def _cheap_gains(question: Question, segments: list[Floats], window: Window, xy: Floats, scanner: Scanner) -> Floats:
+    """Return a cheap estimate (n,) of the gain of each of the places `xy` (n, 2); `segments`: of each draw."""
+    found = np.empty(len(xy))
+    batch = max(1, MOST_DISTANCES // (N_BEAMS * len(segments)))
+    with progress(len(xy), "ranking places") as report:
+        for first in range(0, len(xy), batch):
+            some = xy[first : first + batch]
+            distance = first_walls(segments[::EVERY], window, some, N_BEAMS, scanner)
+            found[first : first + batch] = rank_places(question, distance, some, scanner)
+            report(first + len(some))
+    return found
+
+
+def _weighed(question: Question, segments: list[Floats], window: Window, xy: Floats, scanner: Scanner) -> Floats:
+    """Return the best heading at each of the places `xy` (n, 2), the gain and its bounds, (n, 4)."""
+    from threadpoolctl import threadpool_limits  # noqa: PLC0415 - finds the libraries that are loaded
+
+    distance = first_walls(segments, window, xy, N_BEAMS, scanner)
+    rows = np.empty((len(xy), 4))
+    # Small products: threads that wait for each other cost more than they bring.
+    with threadpool_limits(1), progress(len(xy), "weighing places") as report:
+        for number, place in enumerate(xy):
+            gain, theta = gain_at(question, distance[:, number], place, scanner)
+            rows[number] = theta, *_with_bounds(gain.astype(np.float64), question.jury.n_chains)
+            report(number + 1)
+    return rows
 
 
 def _with_bounds(gain: Floats, n_chains: int) -> tuple[float, float, float]:

@@ -12,6 +12,7 @@ from prf.model.coloring import Coloring, Draws, black_at_draws
 from prf.output.run import Run
 from prf.readings import Readings
 from prf.results.estimate import path_free
+from prf.results.explore import question, search
 from prf.results.explore.gain import N_BEAMS
 from prf.results.explore.question import ask, cells_of, gain_at
 from prf.results.explore.reach import LEAST_FREE, STEP, reachable
@@ -32,9 +33,9 @@ def draws_of(maps: list[Coloring]) -> Draws:
 def gain_of(maps: list[Coloring], place: np.ndarray) -> tuple[float, float]:
     """Return the gain of a scan from a place, and the entropy of all cells."""
     draws = draws_of(maps)
-    question = ask(draws, 4, None, 0.25)
+    asked = ask(draws, 4, None, 0.25)
     seen = first_walls([each.segments() for each in draws], draws.window, place[None], N_BEAMS, SENSOR)
-    return float(gain_at(question, seen[:, 0], place, SENSOR)[0].mean()), question.entropy
+    return float(gain_at(asked, seen[:, 0], place, SENSOR)[0].mean()), asked.entropy
 
 
 def exact_gain(kinds: list[Coloring], number: np.ndarray, place: np.ndarray) -> float:
@@ -60,6 +61,28 @@ def test_a_few_maps_give_what_their_enumeration_gives(place: np.ndarray) -> None
     found, entropy = gain_of([kinds[k] for k in number], place)
     assert found == pytest.approx(exact_gain(kinds, number, place), rel=0.04)
     assert found < 1.01 * entropy
+
+
+def test_some_of_many_cells_stand_for_all(monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(7)
+    maps = [room_with(*(shelf for shelf in SHELVES if rng.random() < 0.5)) for _ in range(128)]
+    found, entropy = gain_of(maps, OPEN)
+    n_cells = len(ask(draws_of(maps), 4, None, 0.25).cell)
+    monkeypatch.setattr(question, "MOST_CELLS", n_cells // 3)
+    assert len(ask(draws_of(maps), 4, None, 0.25).cell) <= n_cells // 3
+    assert gain_of(maps, OPEN) == (pytest.approx(found, rel=0.1), pytest.approx(entropy))
+
+
+def test_in_brief_fewer_places_are_asked_that_lie_apart(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(search, "BRIEF_CANDIDATES", 40)
+    run = make_room_run()
+    whole, brief = search.explore(run), search.explore(run, is_brief=True)
+    apart = np.hypot(*(brief.xy[:, None] - brief.xy).T) + np.where(np.eye(len(brief.xy)), np.inf, 0.0)
+    assert apart.min() >= search.APART
+    assert 3 <= len(brief.xy) <= search.BRIEF_PLACES
+    assert brief.gain[0] == pytest.approx(whole.gain[0], rel=0.1)
+    reach = reachable(run.draws, run.path_xy[-1], 0.25)
+    assert len(search.candidates(reach, 40)) <= 40 < len(search.candidates(reach))
 
 
 def test_equal_draws_leave_nothing_to_gain() -> None:
@@ -88,12 +111,12 @@ def test_a_narrow_view_shows_less_and_looks_where_it_is() -> None:
     maps = [room_with(*((CUPBOARD,) if rng.random() < 0.5 else ())) for _ in range(120)]
     narrow = SENSOR._replace(field_of_view=0.5, n_beams=30)
     draws = draws_of(maps)
-    question = ask(draws, 4, None, 0.25)
+    asked = ask(draws, 4, None, 0.25)
     place = np.array([5.0, 4.5])
     seen = first_walls([each.segments() for each in draws], ROOM, place[None], N_BEAMS, narrow)
-    found, theta = gain_at(question, seen[:, 0], place, narrow)
+    found, theta = gain_at(asked, seen[:, 0], place, narrow)
     assert abs(theta) < 0.3
-    assert found.mean() == pytest.approx(question.entropy, rel=0.05)
+    assert found.mean() == pytest.approx(asked.entropy, rel=0.05)
 
 
 def test_ways_are_free_as_path_free_has_them() -> None:
