@@ -240,7 +240,7 @@ def _summary(
     yield _verdict(run, run.progress.status)
     ground = Agreement.of_document(diagnostics["agreement"]).words()
     if ground and not _is_short(diagnostics):
-        yield f"Place by place, {ground}."
+        yield "The run is too short to say where chains agree." if run.is_early else f"Place by place, {ground}."
     if diagnostics.get("tempering") and console.is_verbose():
         yield _ladders(diagnostics["tempering"])
     if not diagnostics["converged"] and (advice := _advice(run, folder)):

@@ -23,6 +23,9 @@ DRAWS_PER_CHAIN = 500
 """Draws a chain that R-hat and ESS look at: all functionals of four chains then cost a few milliseconds each."""
 FEWEST_DRAWS = 8
 """A half chain of four draws is the least that a split R-hat is defined for."""
+FEWEST_TO_COMPARE, MOST_RHAT = 25, 2.5
+"""Draws a chain below which, and R-hat of the log likelihood above which, chains have hardly begun: that cells still have
+the colours of one start in all of them is no agreement."""
 STALLED = 0.75
 """Of R-hat - 1: more than this share of it left after twice the steps, and the chains do not come nearer."""
 ROUND_NUMBERS = (1, 2, 3, 4, 5, 6, 8, 10, 15, 20, 30, 45)
@@ -162,6 +165,13 @@ def outlook(
     low, high = ((factor ** (1.0 / power) - 1.0) * seconds for power in (1.0, min(fall, 1.0)))
     known = high <= WIDEST_OUTLOOK * low
     return "nearing", (rounded(low), rounded(high)) if known else None
+
+
+def is_early(functionals: Mapping[str, Mapping[str, Any]], draws_per_chain: int) -> bool:
+    """Return whether a run is too short to say where its chains agree; `functionals`: those of diagnostics.json."""
+    found = functionals.get("log_likelihood") or {}
+    rhat, state = found.get("rhat"), found.get("state", "constant")
+    return draws_per_chain < FEWEST_TO_COMPARE or state in ("stuck", "not finite") or (rhat or 0.0) > MOST_RHAT
 
 
 def is_stalled(before: float, now: float) -> bool:

@@ -19,7 +19,7 @@ from prf.model.walls import WallDraws
 from prf.poses.posterior import Trajectory
 from prf.readings import PointTable, Readings
 from prf.readings.counts import BeamCounts
-from prf.results.convergence import Diagnosis
+from prf.results.convergence import Diagnosis, is_early
 from prf.results.estimate import by_chain, smallest_ess
 from prf.shell.errors import InputError
 
@@ -100,6 +100,12 @@ class RunData:
     def n_chains(self) -> int:
         """Number of chains that recorded a draw."""
         return len(np.unique(self.chain))
+
+    @property
+    def is_early(self) -> bool:
+        """Whether the run is too short to say where its chains agree (docs/convergence.md)."""
+        draws_per_chain = int(np.unique(self.chain, return_counts=True)[1].min(initial=len(self.chain)))
+        return is_early((self.diagnostics or {}).get("functionals") or {}, draws_per_chain)
 
     @cached_property
     def smallest_ess(self) -> float:

@@ -13,6 +13,7 @@ from prf.results.convergence import (
     diagnose,
     disagree,
     effective_size,
+    is_early,
     outlook,
     range_words,
     rounded,
@@ -280,6 +281,25 @@ def test_a_small_difference_is_none() -> None:
     assert (found.seen, found.places) == (1.0, [])
     assert found.words() == "chains agree on 100 % of the seen ground"
     assert math.isnan(found.unseen)
+
+
+@pytest.mark.parametrize(
+    ("rhat", "state", "draws_per_chain", "expected"),
+    [
+        (3.33, "varies", 12, True),
+        (1.5, "varies", 24, True),
+        (2.6, "varies", 100, True),
+        (None, "stuck", 100, True),
+        (2.1, "varies", 454, False),
+        (None, "constant", 25, False),
+    ],
+)
+def test_a_run_that_has_hardly_begun_is_early(
+    rhat: float | None, state: str, draws_per_chain: int, expected: bool
+) -> None:
+    """Of the runs in question the first had drawn 48 maps in 40,000 steps, on whose cells its chains mostly agreed."""
+    assert is_early({"log_likelihood": {"rhat": rhat, "state": state}}, draws_per_chain) == expected
+    assert is_early({}, draws_per_chain) == (draws_per_chain < 25)
 
 
 def test_one_chain_has_nothing_to_compare() -> None:

@@ -194,8 +194,9 @@ def notes_on(source: Source, facts: Mapping[str, Any]) -> list[str]:
         left_out = f"{facts['n_draws_left_out']} of {len(run.chain)} draws left out, beyond the shortest one."
         notes.append(f"chains of uneven length: {left_out}")
     found = None if run is None or run.image is None else run.image.agreement()
-    if found is not None and found.seen < AGREED:
-        notes.append(f"{found.words()}. Sample longer before you rely on it there: prf sample --resume {source.path}")
+    if run is not None and found is not None and (run.is_early or found.seen < AGREED):
+        words = "the run is too short to say where chains agree" if run.is_early else found.words()
+        notes.append(f"{words}. Sample longer before you rely on it there: prf sample --resume {source.path}")
     area = facts.get("free_but_closed_m2", 0.0)
     if area > LEAST_CLOSED:
         closed = f"{area:.1f} m2 that this map calls free are closed to a disc of {SMALL_ROBOT} m"

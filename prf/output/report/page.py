@@ -168,6 +168,8 @@ def agreement_line(run: RunData) -> str:
     tag = f'<span class="tag {state.split()[0]}">{state}</span> '
     if found is None or math.isnan(found.seen):
         return f"{tag}Where the chains agree is not known: that takes two of them."
+    if run.is_early:
+        return f"{tag}The run is too short to say where the chains agree{_outlook(diagnosed)}."
     line = f"{tag}The chains agree on {math.floor(100.0 * found.seen)} % of the seen ground"
     if found.places:
         last = len(found.places) - 1

@@ -35,6 +35,15 @@ def test_a_page_is_named_after_its_log_and_says_what_it_shows(tmp_path: Path) ->
     assert "<h1>Ours<small></small></h1>" in written(tmp_path / "o.html", title="Ours")
 
 
+def test_a_run_that_has_hardly_begun_has_no_share_of_agreement(tmp_path: Path) -> None:
+    run = slow_run()
+    diagnostics = {**(run.diagnostics or {}), "functionals": {"log_likelihood": {"rhat": 3.3, "ess": 12.0}}}
+    write_report(str(tmp_path / "r.html"), dataclasses.replace(run, diagnostics=diagnostics))
+    page = (tmp_path / "r.html").read_text()
+    assert "The run is too short to say where the chains agree." in page
+    assert "of the seen ground" not in page
+
+
 def test_the_run_is_named_beside_its_log_where_it_is_called_otherwise(tmp_path: Path) -> None:
     for folder, shown in (("second", "<small>, run second</small>"), ("<b>hall", "<small></small>")):
         write_report(str(tmp_path / "r.html"), dataclasses.replace(slow_run(), path=tmp_path / folder))
