@@ -7,7 +7,9 @@ probability that all of it is free at once, which no image of cells can give.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -32,6 +34,8 @@ APART = 1.1
 """R-hat above which the parts of a chain are not independent: its chains alone are."""
 FEWEST_OF_A_COLOUR = 3.0
 """Effective draws of a colour below which that colour may as well have no probability at all."""
+PIECE = 1.0
+"""Metres of a path, at most, of which what blocks it is named."""
 MOST_VALUES = 1_000_000
 """Values, draws times quantities, whose autocorrelation is computed at once (80 bytes each)."""
 
@@ -82,7 +86,7 @@ class PointEstimates(NamedTuple):
 
 
 class Obstruction(NamedTuple):
-    """The piece of a path that keeps it from being free.
+    """The piece of a path, a metre at most, that keeps it from being free: most draws block it.
 
     Attributes
     ----------
@@ -158,16 +162,33 @@ def path_estimates(
 
 
 def blocking_piece(draws: Draws, path_xy: ArrayLike, radius: float) -> tuple[Floats, float]:
-    """Return a piece (2, 2) of a path inside the window that is seldom free, and how often it is.
+    """Return the piece (2, 2) of a path inside the window that is free in the fewest draws, and their share.
 
-    Found by halving the path: of each half the one that is free in fewer draws. `path_xy` (n_points, 2).
+    Legs are cut into pieces of :data:`PIECE` at most; of pieces alike the first. `path_xy` (n_points, 2).
     """
-    path = _points(path_xy)
-    path = np.vstack((path, path)) if len(path) == 1 else path
-    while len(path) > 2:
-        middle = len(path) // 2
-        path = min((path[: middle + 1], path[middle:]), key=lambda half: path_free(draws, half, radius))
-    return path, path_free(draws, path, radius)
+    corners = cut_legs(_points(path_xy), PIECE)
+    pieces_of = np.stack([corners[:-1], corners[1:]], axis=1)
+    black = black_at_draws(draws, corners[:-1])
+    free = [
+        (query.draws_clear_path(np.ascontiguousarray(piece), float(radius), draws.graphs) & ~black[:, i]).mean()
+        for i, piece in enumerate(pieces_of)
+    ]
+    worst = int(np.argmin(free))
+    return pieces_of[worst], float(free[worst])
+
+
+def cut_legs(path: Floats, longest: float) -> Floats:
+    """Return the corners (m, 2) of a path (n, 2) with more between them, no farther apart than `longest` metres.
+
+    A path of one point is that point twice.
+    """
+    ends = np.vstack([path, path[-1:]]) if len(path) == 1 else path
+    parts = [
+        start + np.linspace(0.0, 1.0, n, endpoint=False)[:, None] * (end - start)
+        for start, end in pairwise(ends)
+        for n in [max(1, math.ceil(float(np.hypot(*(end - start))) / longest - 1e-9))]
+    ]
+    return np.vstack([*parts, ends[-1:]])
 
 
 def path_free_in_draws(draws: Draws, path_xy: ArrayLike, radius: float) -> Bools:

@@ -112,7 +112,7 @@ def test_the_piece_that_blocks_a_path_is_named(tmp_path: Path, capsys: pytest.Ca
     made, draws, way = make_run(n_draws=48), Draws.from_colorings([wall] * 48), np.array([[1.0, 1.0, 2.0, 1.0]])
     run = dataclasses.replace(made, draws=draws, laser=laser, way=way)
     write_run(tmp_path / "run", run)
-    (tmp_path / "path.csv").write_text("x,y\n1,1\n2,1\n3,1\n4,1\n")
+    (tmp_path / "path.csv").write_text("x,y\n1,1\n4,1\n")
     assert prf("query", tmp_path / "run", "--path", tmp_path / "path.csv", "--radius", 0.2, "--json") == 0
     shown = capsys.readouterr()
     expected = {"piece": [[2.0, 1.0], [3.0, 1.0]], "p_free": 0.0, "n_returns": 2, "is_driven": False}

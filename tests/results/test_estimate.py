@@ -13,7 +13,10 @@ from prf.model.coloring import Coloring, Draws, occupied_polygons
 from prf.model.window import Window
 from prf.results.convergence import effective_size
 from prf.results.estimate import (
+    PIECE,
+    blocking_piece,
     by_chain,
+    cut_legs,
     estimates,
     occupied_in_draws,
     occupied_probability,
@@ -22,7 +25,10 @@ from prf.results.estimate import (
     smallest_ess,
 )
 from prf.shell.errors import InputError, UsageError
-from tests.factories import WINDOW, make_run, random_draws
+from tests.factories import WINDOW, make_run, random_draws, room_with
+
+POSTS = (((3.2, 2.9, 3.3, 3.1), 2), ((6.6, 2.9, 6.7, 3.1), 3))
+"""Boxes, and in one map of how many each stands."""
 
 
 def random_points(seed: int, n: int) -> np.ndarray:
@@ -133,6 +139,25 @@ def test_a_path_is_judged_jointly_not_point_by_point() -> None:
     assert path_free(draws, [[1.0, 5.0], [9.0, 5.0]], 0.2) == 0.0
     assert path_free(draws, [[1.0, 5.0], [5.0, 5.0]], 0.2) == 0.5
     assert path_free(draws, [[2.5, 5.0]], 0.2) == 0.5
+
+
+def test_the_piece_of_a_leg_that_most_draws_block_is_found() -> None:
+    """A post on a leg of seven metres in every second draw, another in every third, and none elsewhere."""
+    posts = [room_with(*[box for box, n in POSTS if k % n == 0]) for k in range(60)]
+    way = np.array([[1.0, 2.0], [1.0, 3.0], [8.5, 3.0]])
+    piece, p_free = blocking_piece(Draws.from_colorings(posts), way, 0.2)
+    assert p_free == 0.5
+    assert np.hypot(*(piece[1] - piece[0])) <= PIECE + 1e-9
+    assert piece[0, 0] <= 3.2 < 3.3 <= piece[1, 0]
+    assert path_free(Draws.from_colorings(posts), way, 0.2) < 0.5
+
+
+def test_legs_are_cut_where_they_are_long() -> None:
+    way = [[0.0, 0.0], [0.5, 0.0], [0.5, 2.5]]
+    found = cut_legs(np.array(way), 1.0)
+    np.testing.assert_allclose(found, [[0, 0], [0.5, 0], [0.5, 2.5 / 3], [0.5, 5 / 3], [0.5, 2.5]])
+    np.testing.assert_array_equal(cut_legs(np.array([[1.0, 2.0]]), 1.0), [[1.0, 2.0], [1.0, 2.0]])
+    np.testing.assert_array_equal(cut_legs(np.array([[1.0, 2.0], [1.0, 2.0]]), 1.0), [[1.0, 2.0], [1.0, 2.0]])
 
 
 def test_a_path_that_leaves_the_window_is_unknown() -> None:
