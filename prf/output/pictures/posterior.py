@@ -124,7 +124,7 @@ def render_beams(
     if run.sonar is not None:
         draw_cones(axes, run.sonar)
     if outline and run.best is not None:
-        draw_outline(axes, run.best)
+        draw_outline(axes, run.best, run.image)
     if run.laser is not None:
         draw_impacts(axes, run.laser)
     if run.points is not None:
@@ -186,12 +186,12 @@ def fill_map(axes: Axes, coloring: Coloring, colour: str = INK) -> None:
 
 
 def draw_outline(axes: Axes, coloring: Coloring, image: PosteriorImage | None = None, width: float = 1.0) -> None:
-    """Draw the edges of a map, of an `image` those that touch what readings saw, without the window's border."""
+    """Draw the edges of a map, beside an `image` as far as readings saw, without the window's border."""
     from matplotlib.collections import LineCollection
 
     lines = coloring.xy[coloring.edges]
     if image is not None:
-        lines = lines[image.sees(lines)]
+        lines = image.near_seen(lines[image.sees(lines)])
     axes.add_collection(
         LineCollection(list(lines), colors=OUTLINE, linewidths=width, capstyle="round", zorder=3), autolim=False
     )

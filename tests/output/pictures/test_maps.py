@@ -9,14 +9,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.collections import LineCollection
 
 from prf.cli import app
 from prf.model.coloring import Coloring, Draws, black_at
 from prf.model.window import Window
-from prf.output.pictures import render_beams, render_best, render_draws, render_maps, render_posterior
+from prf.output.pictures import plot_posterior, render_beams, render_best, render_draws, render_maps, render_posterior
 from prf.output.pictures.maps import columns_for, spread
 from prf.output.run import Run
-from prf.results import write_run
+from prf.results import PosteriorImage, write_run
 from prf.shell.cli import pictures as style
 from prf.shell.cli.pictures import DPI, drawn_size, margins_of, round_length
 from prf.shell.cli.run import run_app
@@ -100,6 +101,31 @@ def test_the_posterior_is_white_grey_and_black_at_0_half_and_1() -> None:
     grey = at_points(page, WINDOW, np.column_stack((x, np.full(4, 3.3))))
     np.testing.assert_allclose(grey[:3], [1.0, 0.5, 0.0], atol=0.02)
     assert 0.85 < grey[3] < 0.97
+
+
+def test_edges_of_the_best_map_end_where_nothing_was_seen() -> None:
+    """Columns 0 to 4 and 9 of ten were seen: columns 6 and 7 are not beside one of them."""
+    seen = np.zeros((10, 10), np.bool_)
+    seen[:, :5] = seen[:, 9] = True
+    cells = np.zeros((10, 10), np.float32)
+    image = PosteriorImage(cells, cells, np.array([100.0, 50.0]), 1.0, seen)
+    lines = np.array([[[100.5, 55.5], [109.5, 55.5]], [[106.2, 51.0], [107.8, 51.0]], [[103.0, 50.1], [103.0, 59.9]]])
+    parts = [[[100.5, 55.5], [106.0, 55.5]], [[108.0, 55.5], [109.5, 55.5]], lines[2]]
+    np.testing.assert_allclose(image.near_seen(lines), parts, atol=0.5)
+    assert image.near_seen(lines[1:2]).shape == image.near_seen(lines[:0]).shape == (0, 2, 2)
+    np.testing.assert_array_equal(image._replace(seen=~cells.astype(np.bool_)).near_seen(lines), lines)
+
+
+def test_a_picture_has_no_outline_on_unseen_ground() -> None:
+    run = make_run(n_draws=5)
+    assert run.image is not None
+    seen = np.zeros_like(run.image.seen)
+    seen[:, : seen.shape[1] // 2] = True
+    axes = plot_posterior(replace(run, image=run.image._replace(seen=seen)))
+    outline = next(each for each in axes.collections if isinstance(each, LineCollection))
+    x = np.concatenate([part[:, 0] for part in outline.get_segments()])
+    left, right = run.image.extent[:2]
+    assert left <= x.min() < x.max() <= 0.5 * (left + right) + 2.0 * run.image.resolution
 
 
 def test_seen_cells_where_chains_differ_are_tinted() -> None:
