@@ -16,12 +16,22 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 from scipy import stats
 
 import prf
 from prf.model.window import Window
-from prf.results.estimate import by_chain, estimates, occupied_in_draws, path_free_in_draws, smallest_ess
+from prf.results.estimate import (
+    NEAR,
+    by_chain,
+    estimates,
+    nearby_ess,
+    occupied_in_draws,
+    path_free_in_draws,
+    probe_ess,
+    smallest_ess,
+)
 
 RADIUS = 0.25
 DRAWN = {"points": 1500, "paths": 300}
@@ -31,13 +41,36 @@ CLASSES = {"p in [.05, .95]": (0.05, 0.5), "else": (0.0, 0.05), "all": (0.0, 0.5
 
 
 class Answers(NamedTuple):
-    """What one run said, by draw: of points, paths, the colours it follows and its functionals; and draws' chains."""
+    """What one run said, by draw: of points, paths, the colours it follows and its functionals; and draws' chains.
+
+    Also its window, and where the colours are that it follows.
+    """
 
     points: NDArray[np.bool_]
     paths: NDArray[np.bool_]
     colours: NDArray[np.bool_]
     functionals: NDArray[np.float64]
     chain: NDArray[np.int32]
+    window: NDArray[np.float64]
+    probe_xy: NDArray[np.float64]
+
+    def least(self, kind: str, places: NDArray[np.int64]) -> tuple[float, NDArray[np.float64]]:
+        """Return the smallest effective sample size of the run, and those near some of the questions."""
+        window, colours = Window(*self.window.tolist()), by_chain(self.colours, self.chain)
+        asked = shapely.points(random_points(window)) if kind == "points" else lines(window)
+        reach = NEAR + (RADIUS if kind == "paths" else 0.0)
+        least = smallest_ess(colours, by_chain(self.functionals, self.chain))
+        return least, nearby_ess(asked[places], reach, self.probe_xy, probe_ess(colours), least)
+
+
+def random_points(window: Window) -> NDArray[np.float64]:
+    """Return points (n, 2) of a window."""
+    return np.random.default_rng(1).uniform(window[:2], window[2:], (DRAWN["points"], 2))
+
+
+def lines(window: Window) -> NDArray[np.object_]:
+    """Return the paths that are asked as geometries."""
+    return np.array([shapely.LineString(path) for path in random_paths(window, DRAWN["paths"])], object)
 
 
 def random_paths(window: Window, n: int) -> list[NDArray[np.float64]]:
@@ -51,10 +84,11 @@ def random_paths(window: Window, n: int) -> list[NDArray[np.float64]]:
 def ask(run: prf.Run) -> Answers:
     """Return what a run says of points and paths that are drawn anew, the same for every run."""
     window = run.draws.window
-    points = np.random.default_rng(1).uniform(window[:2], window[2:], (DRAWN["points"], 2))
+    points = random_points(window)
     paths = [path_free_in_draws(run.draws, path, RADIUS) for path in random_paths(window, DRAWN["paths"])]
     functionals = np.column_stack(list(run.functionals.values()))
-    return Answers(occupied_in_draws(run.draws, points), np.stack(paths, 1), run.probe_black, functionals, run.chain)
+    said = occupied_in_draws(run.draws, points), np.stack(paths, 1), run.probe_black, functionals
+    return Answers(*said, run.chain, np.array(window), run.probe_xy)
 
 
 def answers(options: argparse.Namespace, steps: int, seed: int) -> Answers:
@@ -89,8 +123,7 @@ def judge(kind: str, short: list[Answers], pooled: NDArray[np.float64]) -> None:
     holds, naive_holds, width = [], [], []
     for run in short:
         black = by_chain(getattr(run, kind)[:, places], run.chain)
-        ess = smallest_ess(by_chain(run.colours, run.chain), by_chain(run.functionals, run.chain))
-        found = estimates(black, ess)
+        found = estimates(black, *run.least(kind, places))
         holds.append((found.low <= truth) & (truth <= found.high))
         width.append(found.high - found.low)
         low, high = naive(black)

@@ -22,6 +22,7 @@ from prf.readings.way import lies_on_way
 from prf.results import PosteriorImage, RunData, names
 from prf.results.disputes import Dispute, disputes
 from prf.results.estimate import (
+    NEAR,
     Estimates,
     Obstruction,
     PointEstimates,
@@ -100,7 +101,8 @@ class Run(RunData):
         xy = checked("points", points, (None, 2))
         if not interval:
             return occupied_probability(self.draws, xy, square)
-        found = occupied_estimates(self.draws, self.chain, xy, square, self.smallest_ess)
+        near = self.ess_near(shapely.points(xy), NEAR + 0.5 * square)
+        found = occupied_estimates(self.draws, self.chain, xy, square, self.smallest_ess, near)
         return PointEstimates(*found, self._image.seen_at(xy))
 
     def return_probability(self, points: ArrayLike, square: float = 0.2) -> NDArray[np.float64]:
@@ -167,9 +169,12 @@ class Run(RunData):
         InputError
             If there are no draws yet.
         """
-        if interval:
-            return path_estimates(self.draws, self.chain, as_paths(paths), radius, self.smallest_ess)
-        return np.array([path_free(self.draws, path, radius) for path in as_paths(paths)], np.float64)
+        asked = as_paths(paths)
+        if not interval:
+            return np.array([path_free(self.draws, path, radius) for path in asked], np.float64)
+        lines = np.array([shapely.LineString(path if len(path) != 1 else [*path, *path]) for path in asked], object)
+        near = self.ess_near(lines, NEAR + radius)
+        return path_estimates(self.draws, self.chain, asked, radius, self.smallest_ess, near)
 
     def what_blocks(self, path: ArrayLike, radius: float) -> Obstruction:
         """Return the piece of a path that keeps it from being free, and what stands there.

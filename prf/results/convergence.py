@@ -24,8 +24,8 @@ DRAWS_PER_CHAIN = 500
 FEWEST_DRAWS = 8
 """A half chain of four draws is the least that a split R-hat is defined for."""
 FEWEST_TO_COMPARE, MOST_RHAT = 25, 2.5
-"""Draws a chain below which, and R-hat of the log likelihood above which, chains have hardly begun: that cells still have
-the colours of one start in all of them is no agreement."""
+"""Draws a chain below which, and R-hat of the log likelihood above which, chains have hardly begun: that cells have the
+colours of their starts in all of them is no agreement."""
 STALLED = 0.75
 """Of R-hat - 1: more than this share of it left after twice the steps, and the chains do not come nearer."""
 ROUND_NUMBERS = (1, 2, 3, 4, 5, 6, 8, 10, 15, 20, 30, 45)

@@ -13,6 +13,7 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
+import shapely
 from numpy.typing import ArrayLike, NDArray
 
 from prf.kernels.score import query
@@ -30,6 +31,8 @@ DRAWS_PER_DEGREE = 20.0
 MOST_WORTH = 4.0
 """No answer is worth more than about so many times the smallest effective sample size of the run: chains that have not
 explored everything may agree on an answer by chance."""
+NEAR = 2.0
+"""Metres round what a question needs within which the run's probe points stand for it where all draws are equal."""
 APART = 1.1
 """R-hat above which the parts of a chain are not independent: its chains alone are."""
 FEWEST_OF_A_COLOUR = 3.0
@@ -53,7 +56,8 @@ class Estimates(NamedTuple):
     low, high : (n,) float64
         The limit of the share in ever longer chains lies between them at 95 %.
     ess : (n,) float64
-        Effective sample size in draws; of draws that are all equal, the smallest of the run. nan: not known.
+        Effective sample size in draws; of draws that are all equal, the smallest of the colours near it, or of the run.
+        nan: not known.
     rhat : (n,) float64
         Split R-hat; 1 where all draws are equal, inf where each half chain is constant at its own value. nan: not
         known.
@@ -116,13 +120,16 @@ def occupied_probability(draws: Draws, xy: ArrayLike, square: float = 0.0) -> Fl
 
 
 def occupied_estimates(
-    draws: Draws, chain: NDArray[np.int32], xy: ArrayLike, square: float, smallest_ess: float
+    draws: Draws, chain: NDArray[np.int32], xy: ArrayLike, square: float, smallest_ess: float, near_ess: Floats
 ) -> Estimates:
-    """Return the answers of :func:`occupied_probability`, and how far they are known; `chain` (n_draws,)."""
+    """Return the answers of :func:`occupied_probability`, and how far they are known.
+
+    `chain` (n_draws,). `smallest_ess`: of the run. `near_ess` (n_points,): by :func:`nearby_ess`.
+    """
     points = _points(xy)
     found = np.full((len(Estimates._fields), len(points)), np.nan)
     for chosen, black in _occupied_batches(draws, points, square):
-        found[:, chosen] = estimates(by_chain(black, chain), smallest_ess)
+        found[:, chosen] = estimates(by_chain(black, chain), smallest_ess, near_ess[chosen])
     return Estimates(*found)
 
 
@@ -149,15 +156,23 @@ def path_free(draws: Draws, path_xy: ArrayLike, radius: float) -> float:
 
 
 def path_estimates(
-    draws: Draws, chain: NDArray[np.int32], paths: Sequence[ArrayLike], radius: float, smallest_ess: float
+    draws: Draws,
+    chain: NDArray[np.int32],
+    paths: Sequence[ArrayLike],
+    radius: float,
+    smallest_ess: float,
+    near_ess: Floats,
 ) -> Estimates:
-    """Return the answers of :func:`path_free`, and how far they are known; `paths` (n_points, 2)."""
+    """Return the answers of :func:`path_free`, and how far they are known.
+
+    `paths` (n_points, 2) each. `smallest_ess`: of the run. `near_ess` (n_paths,): by :func:`nearby_ess`.
+    """
     found = np.full((len(Estimates._fields), len(paths)), np.nan)
     for i, path_xy in enumerate(paths):
         path = _path_inside(draws, path_xy, radius)
         if path is not None:
             free = path_free_in_draws(draws, path, radius)[:, None]
-            found[:, [i]] = estimates(by_chain(free, chain), smallest_ess)
+            found[:, [i]] = estimates(by_chain(free, chain), smallest_ess, near_ess[[i]])
     return Estimates(*found)
 
 
@@ -249,15 +264,19 @@ def by_chain(values: NDArray[Any], chain: NDArray[np.int32]) -> NDArray[Any]:
     return values[rows]
 
 
-def estimates(black: NDArray[np.bool_], smallest_ess: float) -> Estimates:
-    """Return the probability of each quantity with bounds at 95 %; `black` (n_chains, n_draws, n)."""
+def estimates(black: NDArray[np.bool_], smallest_ess: float, near_ess: Floats | None = None) -> Estimates:
+    """Return the probability of each quantity with bounds at 95 %.
+
+    `black` (n_chains, n_draws, n). `near_ess` (n,): what draws that are all equal count for; None: `smallest_ess`.
+    """
     n_chains, n_draws, n = black.shape
     if n_draws < FEWEST_DRAWS:
         unknown = np.full(n, np.nan)
         return Estimates(black.mean(axis=(0, 1)), np.zeros(n), np.ones(n), unknown, unknown)
     batch = max(1, MOST_VALUES // (n_chains * n_draws))
+    equal = np.full(n, smallest_ess) if near_ess is None else near_ess
     starts = range(0, max(n, 1), batch)
-    parts = [_batch(black[:, :, start : start + batch], smallest_ess) for start in starts]
+    parts = [_batch(black[:, :, at : at + batch], smallest_ess, equal[at : at + batch]) for at in starts]
     return Estimates(*np.concatenate(parts, axis=1))
 
 
@@ -276,7 +295,31 @@ def smallest_ess(colours: NDArray[np.bool_], functionals: Floats) -> float:
     return float(n_chains)
 
 
-def _batch(black: Bools, smallest_ess: float) -> Estimates:
+def probe_ess(colours: NDArray[np.bool_]) -> Floats:
+    """Return the effective sample size (n_probes,) of colours (n_chains, n_draws, n_probes).
+
+    At least the number of chains; nan of a colour that is constant, and of too few draws.
+    """
+    n_chains, n_draws, n_probes = colours.shape
+    if n_draws < FEWEST_DRAWS:
+        return np.full(n_probes, np.nan)
+    return np.maximum(effective_size(colours), float(n_chains))
+
+
+def nearby_ess(places: NDArray[Any], reach: float, probe_xy: Floats, ess: Floats, least: float) -> Floats:
+    """Return the smallest effective sample size of the probes within `reach` metres of each of `places` (n,).
+
+    `places`: geometries. `probe_xy` (n_probes, 2), `ess` (n_probes,): nan says nothing. `least`: where no probe is near
+    that says something, the smallest of the run.
+    """
+    found = np.full(len(places), least)
+    order = np.argsort(-ess, kind="stable")  # the smallest last, nan after them
+    for number in order[: np.count_nonzero(~np.isnan(ess))].tolist():
+        found[shapely.dwithin(places, shapely.Point(probe_xy[number]), reach)] = ess[number]
+    return found
+
+
+def _batch(black: Bools, smallest_ess: float, equal_ess: Floats) -> Estimates:
     n_chains, n_draws, _ = black.shape
     share = black.mean(axis=(0, 1))
     spread = share * (1.0 - share)
@@ -295,10 +338,10 @@ def _batch(black: Bools, smallest_ess: float) -> Estimates:
     low, high = _wilson(share, size, degrees)
     low = np.where(share * size < FEWEST_OF_A_COLOUR, 0.0, low)
     high = np.where((1.0 - share) * size < FEWEST_OF_A_COLOUR, 1.0, high)
-    bound = -np.expm1(np.log(1.0 - LEVEL) / smallest_ess)  # rule of three: (1 - bound) ** ess = 0.05
+    bound = -np.expm1(np.log(1.0 - LEVEL) / equal_ess)  # rule of three: (1 - bound) ** ess = 0.05
     low = np.where(share == 1.0, 1.0 - bound, low)
     high = np.where(share == 0.0, bound, high)
-    return Estimates(share, low, high, np.where(spread > 0.0, ess, smallest_ess), rhat)
+    return Estimates(share, low, high, np.where(spread > 0.0, ess, equal_ess), rhat)
 
 
 def _wilson(share: Floats, size: Floats, degrees: Floats) -> tuple[Floats, Floats]:

@@ -20,7 +20,7 @@ from prf.poses.posterior import Trajectory
 from prf.readings import PointTable, Readings
 from prf.readings.counts import BeamCounts
 from prf.results.convergence import Diagnosis, is_early
-from prf.results.estimate import by_chain, smallest_ess
+from prf.results.estimate import by_chain, nearby_ess, probe_ess, smallest_ess
 from prf.shell.errors import InputError
 
 Part = TypeVar("Part")
@@ -109,9 +109,18 @@ class RunData:
 
     @cached_property
     def smallest_ess(self) -> float:
-        """Effective sample size that draws which are all equal count for."""
+        """Smallest effective sample size of the run's colours: what it knows least."""
         functionals = np.column_stack([np.empty((len(self.chain), 0)), *self.functionals.values()])
         return smallest_ess(by_chain(self.probe_black, self.chain), by_chain(functionals, self.chain))
+
+    @cached_property
+    def probe_ess(self) -> NDArray[np.float64]:
+        """Effective sample size (n_probes,) of the colour of each probe point, nan of one that is constant."""
+        return probe_ess(by_chain(self.probe_black, self.chain))
+
+    def ess_near(self, places: NDArray[Any], reach: float) -> NDArray[np.float64]:
+        """Return what draws that are all equal count for (n,) within `reach` metres of geometries (n,)."""
+        return nearby_ess(places, reach, self.probe_xy, self.probe_ess, self.smallest_ess)
 
     @property
     def building(self) -> dict[str, float] | None:

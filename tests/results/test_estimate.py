@@ -18,10 +18,12 @@ from prf.results.estimate import (
     by_chain,
     cut_legs,
     estimates,
+    nearby_ess,
     occupied_in_draws,
     occupied_probability,
     path_free,
     path_free_in_draws,
+    probe_ess,
     smallest_ess,
 )
 from prf.shell.errors import InputError, UsageError
@@ -320,6 +322,47 @@ def test_the_smallest_effective_size_is_that_of_colours_that_vary() -> None:
     assert smallest_ess(colours[:, :, 3:], functionals) == max(effective_size(functionals)[0], 4.0)
     assert smallest_ess(colours[:, :, 3:], functionals * 0.0) == 4.0
     assert smallest_ess(colours[:, :7], functionals[:, :7]) == 4.0
+
+
+def test_colours_near_a_question_bound_it() -> None:
+    """The worst probe is a corner far off; one probe is constant and says nothing."""
+    probe_xy, ess = np.array([[0.0, 0.0], [20.0, 0.0], [20.0, 3.0], [9.0, 0.0]]), np.array([4.0, 90.0, 300.0, np.nan])
+    lines = [
+        [[18.0, 0.0], [18.0, 9.0]],
+        [[8.0, 0.0], [9.0, 1.0]],
+        [[1.0, 1.0], [21.0, 1.0]],
+        [[20.0, 6.0], [22.0, 9.0]],
+    ]
+    found = nearby_ess(shapely.linestrings(lines), 2.5, probe_xy, ess, 5.0)
+    assert found.tolist() == [90.0, 5.0, 4.0, 5.0]
+    assert nearby_ess(shapely.points([[20.0, 5.0]]), 2.5, probe_xy, ess, 5.0).tolist() == [300.0]
+    assert nearby_ess(shapely.points([[20.0, 5.0]]), 2.5, probe_xy[:0], ess[:0], 5.0).tolist() == [5.0]
+
+
+def test_probes_that_do_not_vary_say_nothing() -> None:
+    colours = np.random.default_rng(4).random((4, 40, 3)) < 0.5
+    colours[:, :, 2] = True
+    found = probe_ess(colours)
+    assert found[:2].tolist() == effective_size(colours)[:2].tolist()
+    assert np.isnan(found[2])
+    assert np.isnan(probe_ess(colours[:, :7])).all()
+
+
+def test_a_free_corridor_is_bounded_by_what_is_known_beside_it() -> None:
+    """One corner of the window is stuck in each chain at a colour of its own; beside the corridor a colour mixes."""
+    maps = Draws.from_colorings([room_with()] * 400)
+    black = np.column_stack([np.arange(400) % 4 < 2, np.random.default_rng(5).random(400) < 0.5])
+    run = dataclasses.replace(make_run(n_draws=400), draws=maps, probe_black=black)
+    corridor, corner = [[2.0, 3.0], [4.0, 3.0]], [[8.0, 5.0], [9.0, 5.0]]
+    run = dataclasses.replace(run, probe_xy=np.array([[9.0, 5.2], [3.0, 4.0]]))
+    found = run.paths([corridor, corner], 0.2, interval=True)
+    assert found.probability.tolist() == [1.0, 1.0]
+    assert found.ess[0] > 100.0
+    assert found.ess[1] == run.smallest_ess < 5.0
+    assert found.low[0] > 0.97
+    assert found.low[1] < 0.6
+    points = run.query([[3.0, 3.0], [9.0, 4.5], [6.0, 1.0]], interval=True)
+    assert points.ess.tolist() == [found.ess[0], run.smallest_ess, run.smallest_ess]
 
 
 def test_draws_are_sorted_by_chain_and_the_oldest_of_a_longer_one_left_out() -> None:

@@ -17,6 +17,7 @@ from prf.model.window import INTERIOR, Window
 from prf.output.export.cells import Raster, returned_square
 from prf.poses.posterior import Trajectory
 from prf.results import PosteriorImage, RunData
+from prf.results.estimate import NEAR
 from prf.results.run import LEAST_DIFFERENCE
 from prf.shell.cli.page import packed
 
@@ -84,6 +85,8 @@ def pack_draws(run: RunData) -> Numbers:
         "step": run.step[order],
         "corner_black": corner.astype(np.uint8),
         "smallest_ess": run.smallest_ess,
+        "probes": np.column_stack([run.probe_xy, run.probe_ess])[~np.isnan(run.probe_ess)],
+        "near": NEAR,
     }
     return Numbers(head, packed(_planes(*columns)))
 

@@ -21,6 +21,7 @@ Prf.Draws = class {
       sum = (column) => column.forEach((value, i) => (column[i] = value + (i ? column[i - 1] : 0))) || column;
     Object.assign(this, { window, step, n: head.step.length, starts: head.starts, chains: head.chains });
     Object.assign(this, { steps: head.step, cornerBlack: head.corner_black, smallestEss: head.smallest_ess });
+    Object.assign(this, { probes: head.probes, near: head.near });
     this.x = sum(take(head.n_vertices));
     this.y = take(head.n_vertices);
     this.a = sum(take(head.n_edges));
@@ -82,6 +83,14 @@ Prf.Draws = class {
     }
     let near = 0;
     return this.blackAt(path[0]).map((black, draw) => +((near += blocked[draw]) === 0 && !black));
+  }
+  // The smallest effective sample size of the probes near a point or path, as prf/results/estimate.py has it.
+  essNear(path, radius) {
+    const reach2 = (this.near + radius) ** 2,
+      legs = path.map((point, i) => [...path[Math.max(i - 1, 0)], ...point]),
+      isNear = ([x, y]) => legs.some((leg) => Prf.distance2(x, y, x, y, ...leg) <= reach2),
+      found = this.probes.filter(isNear).map((probe) => probe[2]);
+    return found.length ? Math.min(...found) : this.smallestEss;
   }
   // The black area of a draw as a path in steps, for the even-odd rule: what is above each edge and right of each vertex
   // on the lower side changes colour, and so does the whole window if its corner is black.

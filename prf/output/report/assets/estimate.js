@@ -75,16 +75,17 @@ Prf.estimate = (() => {
     return [Math.max(centre - half, 0), Math.min(centre + half, 1)];
   }
 
-  // values: 0 or 1 of each draw in the order of chains; starts: where each chain begins, and the end.
-  return (values, starts, smallestEss) => {
+  // values: 0 or 1 of each draw in the order of chains; starts: where each chain begins, and the end; smallestEss: of the
+  // run; nearEss: what draws that are all equal count for.
+  return (values, starts, smallestEss, nearEss) => {
     const n = Math.min(...starts.slice(1).map((end, i) => end - starts[i])),
       chains = starts.slice(1).map((end) => Array.from(values.subarray(end - n, end))),
       p = mean(chains.flat());
     if (n < 8) return { p, low: 0, high: 1, ess: NaN, rhat: NaN };
     const rhat = splitRhat(chains),
-      bound = 1 - 0.05 ** (1 / smallestEss);
-    if (p === 0) return { p, low: 0, high: bound, ess: smallestEss, rhat };
-    if (p === 1) return { p, low: 1 - bound, high: 1, ess: smallestEss, rhat };
+      bound = 1 - 0.05 ** (1 / nearEss);
+    if (p === 0) return { p, low: 0, high: bound, ess: nearEss, rhat };
+    if (p === 1) return { p, low: 1 - bound, high: 1, ess: nearEss, rhat };
     const ess = effectiveSize(chains),
       parts = pieces(chains, Math.max(2, Math.ceil(8 / chains.length))),
       spread = p * (1 - p),

@@ -149,7 +149,8 @@
     if (!look.corners.every((point) => draws.inside(point)))
       return [element("p", "Outside the window: nothing is known there.")];
     const event = asPath() ? draws.clearAlong(look.corners, look.radius) : draws.blackAt(look.corners[0]),
-      found = Prf.estimate(event, draws.starts, draws.smallestEss),
+      nearEss = draws.essNear(look.corners, asPath() ? look.radius : 0),
+      found = Prf.estimate(event, draws.starts, draws.smallestEss, nearEss),
       share = (value) => `${100 * value}%`,
       what = asPath() ? "all of it is free" : "it is occupied",
       known = Number.isNaN(found.ess) ? "too few draws" : `ESS ${figure(found.ess, 0)}, R-hat ${rhat(found)}`,
