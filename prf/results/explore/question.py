@@ -67,10 +67,11 @@ def ask(draws: Draws, n_chains: int, target: Floats | None, radius: float) -> Qu
         cell = cell[shapely.dwithin(shapely.points(cell), way, radius + NEAR_WAY)]
     black = black_at_draws(draws, cell)
     open_ = entropy_of(black)
-    kept = open_ > LEAST_ENTROPY
-    every = max(1, -(-int(kept.sum()) // MOST_CELLS))
-    total, kept = float(open_[kept].sum()), np.flatnonzero(kept)[::every]
-    cell, black, weight = cell[kept], black[:, kept], total / float(open_[kept].sum()) if len(kept) else 1.0
+    unsettled = np.flatnonzero(open_ > LEAST_ENTROPY)
+    asked = unsettled[:: max(1, -(-len(unsettled) // MOST_CELLS))]
+    total = float(open_[unsettled].sum())
+    weight = total / float(open_[asked].sum()) if len(asked) else 1.0
+    cell, black = cell[asked], black[:, asked]
     if answer is None:
         return Question(cell, black, make_jury(black, n_chains), False, total, weight)
     return Question(cell, black, make_jury(answer, n_chains), True, float(entropy_of(answer).sum()), 1.0)
