@@ -150,8 +150,8 @@ def _in_reach(cloud: PointCloud, reach: tuple[float, float]) -> tuple[PointCloud
         is_kept = cloud.finite() & (distance > reach[0]) & (distance <= reach[1])
     farthest = distance[is_kept].max(initial=0.0)
     is_shell = is_kept & (distance > farthest - SHELL)
-    n = np.count_nonzero(is_shell)
-    before = np.count_nonzero(is_kept & (distance > farthest - 1.0)) - n
+    n = int(np.count_nonzero(is_shell))
+    before = int(np.count_nonzero(is_kept & (distance > farthest - 1.0))) - n
     if n <= max(FEWEST, LEAST_SHARE * len(cloud), DENSER * before):
         is_shell[:] = False
     return cloud.take(is_kept & ~is_shell), distance[is_shell]
