@@ -274,7 +274,7 @@ def origin_table(findings: Findings) -> str:
 
 
 def _input(row: Row) -> str:
-    digest = row.get("sha256")  # streams have none
+    digest = row.get("sha256")  # streams, and folders of folders, have none
     return f"{row.get('path')}, sha256 {digest}" if digest else str(row.get("path"))
 
 

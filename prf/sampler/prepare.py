@@ -196,8 +196,9 @@ def prepare(
     beams = None if laser is None else _beams(config, laser)
     cones = None if sonar is None else _cones(config, sonar)
     whole = None
-    _window(config, [part for part in (beams, cones) if part is not None], observed, least)  # where it is refused
     if config.trajectory.is_uncertain and (beams is not None or cones is not None):
+        # Refused before scans are aligned, which needs as much memory.
+        _window(config, [part for part in (beams, cones) if part is not None], observed, least)
         whole, config = _started(config, beams, cones)
         beams, cones = whole.placed(beams, cones, whole.start)
         driven = [part for part in (beams, cones) if part is not None]

@@ -198,8 +198,11 @@ def test_input_is_named_by_its_digest(tmp_path: Path) -> None:
 
 def test_a_folder_is_named_by_the_digests_of_its_files(tmp_path: Path) -> None:
     bag = tmp_path / "bag"
+    unknown = {"path": str(bag), "sha256": None, "bytes": None}
     (bag / "inner").mkdir(parents=True)
-    assert describe_input(bag) == {"path": str(bag), "sha256": None, "bytes": None}
+    assert describe_input(bag) == unknown
+    (bag / "inner").rmdir()
+    assert describe_input(bag) == unknown, "it is empty"
     content = {"metadata.yaml": b"version: 9\n", "bag_0.mcap": b"12345"}
     for name, data in content.items():
         (bag / name).write_bytes(data)
@@ -210,6 +213,8 @@ def test_a_folder_is_named_by_the_digests_of_its_files(tmp_path: Path) -> None:
     (bag / "bag_0.mcap").rename(bag / "bag_1.mcap")
     other = describe_input(bag)
     assert (other["bytes"], other["sha256"] == known["sha256"]) == (16, False)
+    (bag / "scans").mkdir()
+    assert describe_input(bag) == unknown, "a digest of a part of it would mislead"
 
 
 def test_standard_input_has_no_digest() -> None:

@@ -179,10 +179,10 @@ _PACKAGES = {"numpy": "numpy", "numba": "numba", "scipy": "scipy"}
 
 
 def describe_input(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """Return ``{"path", "sha256", "bytes"}`` of an input; ``-``, pipes and folders without files have no digest (null).
+    """Return ``{"path", "sha256", "bytes"}`` of an input; ``-`` and pipes have no digest (null).
 
-    Of a folder, as of a ROS 2 bag: the bytes of the files in it, and the digest of the lines ``name sha256`` of these,
-    sorted by name, each ended by a line feed; without hidden ones and folders in it.
+    Of a folder of files, as of a ROS 2 bag: their bytes, and the digest of the lines ``name sha256`` of these, sorted
+    by name, each ended by a line feed, without hidden ones. One that has folders, or nothing, has no digest either.
     """
     if os.path.isdir(path):
         return _describe_folder(Path(path))
@@ -199,14 +199,13 @@ def describe_input(path: str | os.PathLike[str]) -> dict[str, Any]:
 
 def _describe_folder(folder: Path) -> dict[str, Any]:
     """Return the same of a folder."""
-    names = sorted(file.name for file in folder.iterdir() if file.is_file() and not file.name.startswith("."))
-    files = [describe_input(folder / name) for name in names]
-    lines = "".join(f"{name} {file['sha256']}\n" for name, file in zip(names, files, strict=True))
+    content = sorted(each for each in folder.iterdir() if not each.name.startswith("."))
+    if not content or not all(map(Path.is_file, content)):
+        return {"path": os.fspath(folder), "sha256": None, "bytes": None}
+    files = [describe_input(each) for each in content]
+    lines = "".join(f"{each.name} {file['sha256']}\n" for each, file in zip(content, files, strict=True))
     digest = hashlib.sha256(lines.encode("utf-8", "surrogateescape")).hexdigest()
-    known = (
-        {"sha256": digest, "bytes": sum(file["bytes"] for file in files)} if files else {"sha256": None, "bytes": None}
-    )
-    return {"path": os.fspath(folder), **known}
+    return {"path": os.fspath(folder), "sha256": digest, "bytes": sum(file["bytes"] for file in files)}
 
 
 def versions() -> dict[str, str]:

@@ -82,10 +82,8 @@ class KernelCache(event.Listener):
         self._open.append(name)
         if len(self._open) == 1 and multiprocessing.parent_process() is None:
             if not self.compiled:
-                needs = (
-                    f"compiling what {settings.command or 'this call'} needs for such an input, once on this machine"
-                )
-                logger.info(f"{needs}; {self._tool} warm compiles all ahead ...")
+                needs = f"what {settings.command or 'this call'} needs for such an input"
+                logger.info(f"compiling {needs}, once on this machine; {self._tool} warm compiles all ahead ...")
             self._shown.callback(gc.set_threshold, *gc.get_threshold())
             gc.set_threshold(COLLECTED_AFTER)
             self._report = self._shown.enter_context(progress(None, "compiling"))
