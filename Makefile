@@ -96,7 +96,7 @@ bench: setup ## speed and quality beside references in the same run; some ten mi
 	$(BIN)/python -m benchmarks.graph_cut
 	$(BIN)/python -m benchmarks.table2
 
-bench-all: setup ## all figures of benchmarks/README.md, dated, in build/bench; most of a day
+bench-all: setup ## all figures of benchmarks/README.md, dated, in build/bench; most of a day, in parts: it goes on where it was
 	$(BIN)/python -m benchmarks.everything
 
 model: setup ## train the model that ships with mapq anew, on simulated maps

@@ -1,7 +1,8 @@
 """Measures all figures of benchmarks/README.md anew, part by part: `make bench-all`; most of a day.
 
-What each part prints is in build/bench/DATE/PART.txt, with its command, revision and time. A part that fails is named;
-those after it run all the same. `--only PART ...` are some; `--check` starts every part with --help alone.
+What each part prints is in build/bench/REVISION/PART.txt, with its command, date and load. A part that fails is named;
+those after it run all the same. Stopped and called again, it goes on with the part where it was. `--only PART ...` are
+some; `--check` starts every part with --help alone.
 """
 
 from __future__ import annotations
@@ -42,23 +43,22 @@ PARTS = (
 """Arguments of `python -m benchmarks.`, in the order of the table in README.md."""
 
 
-def run(part: str, folder: Path) -> int:
-    """Run a part and keep what it prints; return its exit code."""
+def run(part: str, folder: Path) -> str:
+    """Run a part and keep what it prints, unless a folder of committed code has it whole; return how it went."""
     module, *arguments = part.split()
     path = folder / f"{'-'.join(word.strip('-') for word in part.split() if '/' not in word)}.txt"
-    asked = ["git", "rev-parse", "--short", "HEAD"]
-    revision = subprocess.run(asked, cwd=ROOT, capture_output=True, text=True, check=False).stdout.strip()
+    if path.exists() and not folder.name.endswith("-dirty") and "\n# exit code 0," in path.read_text():
+        return "kept"
     began, start = datetime.datetime.now(datetime.UTC), time.monotonic()
     with path.open("w") as stream:
         load = ", ".join(f"{value:.1f}" for value in os.getloadavg())
         place = f"{platform.processor() or platform.machine()}, {os.cpu_count()} cores, load {load}"
-        stream.write(f"# python -m benchmarks.{part}\n# {began:%Y-%m-%d %H:%M} UTC, revision {revision}, {place}\n")
+        stream.write(f"# python -m benchmarks.{part}\n# {began:%Y-%m-%d %H:%M} UTC, {place}\n")
         stream.flush()
         command = [sys.executable, "-m", f"benchmarks.{module}", *arguments]
         code = subprocess.run(command, cwd=ROOT, stdout=stream, stderr=subprocess.STDOUT, check=False).returncode
         stream.write(f"# exit code {code}, {(time.monotonic() - start) / 60.0:.1f} minutes\n")
-    print(f"{'done  ' if code == 0 else 'FAILED'} {part}: {path.relative_to(ROOT)}", flush=True)
-    return code
+    return "done" if code == 0 else "FAILED"
 
 
 def main() -> int:
@@ -70,12 +70,20 @@ def main() -> int:
     parts = [part for part in PARTS if asked.only is None or part.split()[0] in asked.only]
     if asked.check:
         parts = [f"{part} --help" for part in dict.fromkeys(part.split()[0] for part in parts)]
-    folder = FOLDER / f"{datetime.datetime.now(datetime.UTC):%Y-%m-%d}"
+    revision = subprocess.run(["git", "describe", "--always", "--dirty"], cwd=ROOT, capture_output=True, text=True)
+    folder = FOLDER / (revision.stdout.strip() or "unknown")
     folder.mkdir(parents=True, exist_ok=True)
     CACHE.mkdir(exist_ok=True)
-    failed = [part for part in parts if run(part, folder)]
-    return 1 if failed else 0
+    print(f"in {folder.relative_to(ROOT)}:", flush=True)
+    states = []
+    for number, part in enumerate(parts, 1):
+        states.append(run(part, folder))
+        print(f"{number:2} of {len(parts)}  {states[-1]:<6}  {part}", flush=True)
+    return int("FAILED" in states)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    try:
+        sys.exit(main())
+    except KeyboardInterrupt:
+        sys.exit("stopped; called again it goes on with this part")
