@@ -249,6 +249,7 @@ Prf.Map = class {
     pen.font = `bold ${13 * unit}px system-ui, sans-serif`;
     pen.textAlign = "center";
     pen.textBaseline = "middle";
+    const written = [];
     this.places.forEach(({ x, y, theta, gain }, rank) => {
       pen.resetTransform();
       pen.translate(...this.onCanvas([x, y]));
@@ -269,9 +270,13 @@ Prf.Map = class {
       pen.fill();
       pen.translate(-18 * unit, 0);
       pen.rotate(theta);
+      const { e, f } = pen.getTransform(),
+        words = gain >= 10 ? gain.toFixed(0) : String(+gain.toPrecision(2));
+      // The better place, which comes first, has its gain written where two would lie over one another.
+      if (written.some(([u, v]) => Math.abs(u - e) < 26 * unit && Math.abs(v - f) < 15 * unit)) return;
+      written.push([e, f]);
       pen.globalAlpha = 1;
       pen.lineWidth = 4 * unit;
-      const words = gain >= 10 ? gain.toFixed(0) : String(+gain.toPrecision(2));
       pen.strokeText(words, 0, 0);
       pen.fillText(words, 0, 0);
     });
