@@ -34,6 +34,7 @@ from prf.results.estimate import (
 )
 from prf.results.read import PARTS, read_run_data
 from prf.results.write import remove_stale_outputs, write_run
+from prf.shell.cli.console import ProgressCallback
 from prf.shell.cli.outputs import exclusive, refuse_existing
 from prf.shell.cli.pictures import card, counted
 
@@ -218,6 +219,7 @@ class Run(RunData):
         *,
         radius: float = 0.25,
         by: By = "gain",
+        progress: bool | ProgressCallback = True,
     ) -> Exploration:
         """Return where to look next: the places from which one scan is expected to settle most (docs/exploration.md).
 
@@ -232,6 +234,8 @@ class Run(RunData):
             Of the disc that drives and follows the path, metres.
         by : {"gain", "gain-per-metre"}
             What the places are ranked by.
+        progress : bool or callable
+            As of :func:`prf.sample`.
 
         Returns
         -------
@@ -249,7 +253,7 @@ class Run(RunData):
 
         begin = None if start is None else checked("start", start, (2,))
         asked = None if target is None else checked("target", target, (None, 2))
-        return explore(self, begin, asked, radius, by)
+        return explore(self, begin, asked, radius, by, progress=progress)
 
     @property
     def best_map(self) -> shapely.MultiPolygon:

@@ -18,7 +18,7 @@ from prf.results.explore.question import CELL, EVERY, Question, ask, gain_at, ra
 from prf.results.explore.reach import Reach, reachable
 from prf.results.explore.scanner import Scanner, first_walls, scanner_of
 from prf.results.run import RunData
-from prf.shell.cli.console import progress
+from prf.shell.cli.console import ProgressCallback, Report, reported
 from prf.shell.errors import InputError, UsageError
 
 MOST_DRAWS, LEAST_DRAWS = 256, 64
@@ -90,6 +90,7 @@ def explore(
     radius: float = RADIUS,
     by: By = "gain",
     is_brief: bool = False,
+    progress: bool | ProgressCallback = True,
 ) -> Exploration:
     """Return the best places to look from; see :meth:`prf.output.run.Run.explore`.
 
@@ -116,7 +117,7 @@ def explore(
     draws, n_chains = thinned(run.draws, run.chain, most)
     reach = reachable(draws, begin, radius)
     question = ask(draws, n_chains, target, radius)
-    return _ranked(question, draws, reach, scanner, by, is_brief)
+    return _ranked(question, draws, reach, scanner, by, is_brief, progress)
 
 
 def last_place(run: RunData) -> Floats | None:
@@ -165,16 +166,26 @@ def candidates(reach: Reach, most: int | None = None) -> NDArray[np.int64]:
     return found
 
 
-def _ranked(question: Question, draws: Draws, reach: Reach, scanner: Scanner, by: By, is_brief: bool) -> Exploration:
+def _ranked(
+    question: Question,
+    draws: Draws,
+    reach: Reach,
+    scanner: Scanner,
+    by: By,
+    is_brief: bool,
+    progress: bool | ProgressCallback,
+) -> Exploration:
     """Return the reachable places in the order of their gains."""
     segments = [each.segments() for each in draws]
     metres = np.maximum(reach.metres, LEAST_METRES)
     places = candidates(reach, BRIEF_CANDIDATES if is_brief else None)
-    cheap = _cheap_gains(question, segments, draws.window, reach.xy[places], scanner)
+    with reported(progress, len(places), "ranking places") as report:
+        cheap = _cheap_gains(question, segments, draws.window, reach.xy[places], scanner, report)
     worth = cheap if by == "gain" else cheap / metres[places]
     order = np.argsort(-worth, kind="stable")
     places = places[spread(reach.xy[places], order, BRIEF_PLACES) if is_brief else order[:MOST_PLACES]]
-    rows = _weighed(question, segments, draws.window, reach.xy[places], scanner)
+    with reported(progress, len(places), "weighing places") as report:
+        rows = _weighed(question, segments, draws.window, reach.xy[places], scanner, report)
     # More than all cannot be settled, but for the error of the entropy itself.
     rows[:, 1] = np.minimum(rows[:, 1], question.entropy)
     if question.is_path:
@@ -187,27 +198,30 @@ def _ranked(question: Question, draws: Draws, reach: Reach, scanner: Scanner, by
     return Exploration(reach.xy[places], theta_, gain_, low, high, *found, question.entropy)
 
 
-def _cheap_gains(question: Question, segments: list[Floats], window: Window, xy: Floats, scanner: Scanner) -> Floats:
+def _cheap_gains(
+    question: Question, segments: list[Floats], window: Window, xy: Floats, scanner: Scanner, report: Report
+) -> Floats:
     """Return a cheap estimate (n,) of the gain of each of the places `xy` (n, 2); `segments`: of each draw."""
     found = np.empty(len(xy))
     batch = max(1, MOST_DISTANCES // (N_BEAMS * len(segments)))
-    with progress(len(xy), "ranking places") as report:
-        for first in range(0, len(xy), batch):
-            some = xy[first : first + batch]
-            distance = first_walls(segments[::EVERY], window, some, N_BEAMS, scanner)
-            found[first : first + batch] = rank_places(question, distance, some, scanner)
-            report(first + len(some))
+    for first in range(0, len(xy), batch):
+        some = xy[first : first + batch]
+        distance = first_walls(segments[::EVERY], window, some, N_BEAMS, scanner)
+        found[first : first + batch] = rank_places(question, distance, some, scanner)
+        report(first + len(some))
     return found
 
 
-def _weighed(question: Question, segments: list[Floats], window: Window, xy: Floats, scanner: Scanner) -> Floats:
+def _weighed(
+    question: Question, segments: list[Floats], window: Window, xy: Floats, scanner: Scanner, report: Report
+) -> Floats:
     """Return the best heading at each of the places `xy` (n, 2), the gain and its bounds, (n, 4)."""
     from threadpoolctl import threadpool_limits  # noqa: PLC0415 - finds the libraries that are loaded
 
     distance = first_walls(segments, window, xy, N_BEAMS, scanner)
     rows = np.empty((len(xy), 4))
     # Small products: threads that wait for each other cost more than they bring.
-    with threadpool_limits(1), progress(len(xy), "weighing places") as report:
+    with threadpool_limits(1):
         for number, place in enumerate(xy):
             gain, theta = gain_at(question, distance[:, number], place, scanner)
             rows[number] = theta, *_with_bounds(gain.astype(np.float64), question.jury.n_chains)

@@ -138,7 +138,9 @@ def test_ways_are_free_as_path_free_has_them() -> None:
 
 
 def test_a_cupboard_behind_a_screen_is_looked_at() -> None:
-    found = make_room_run().explore()
+    shares: list[float] = []
+    found = make_room_run().explore(progress=lambda share, _: shares.append(share))
+    assert shares[-1] == 1.0
     x, y = found.xy[0]
     assert (x > 5.0) or (y < 2.0)
     assert found.gain[0] == pytest.approx(found.entropy, rel=0.1)
