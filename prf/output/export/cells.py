@@ -134,18 +134,26 @@ def share_of_draws(draws: Draws, resolution: float, radius: float = 0.0) -> Rast
     return Raster(share.reshape(grid.ny, grid.nx), np.array([grid.x0, grid.y0]), resolution)
 
 
-def closed_though_free(cells: Raster, run: RunData, free: float, occupied: float) -> float:
-    """Return the square metres of free cells round which a small robot meets something all the same.
+def closed_though_free(
+    cells: Raster, run: RunData, free: float, occupied: float
+) -> tuple[float, tuple[float, float] | None]:
+    """Return the square metres of free cells round which a small robot meets something all the same, and where.
 
     There the disc of `SMALL_ROBOT` is not white in more than `occupied` of the draws, but a wall that lies elsewhere in
     each of them leaves every cell of it at `occupied` or less. `free`, `occupied`: probabilities below and above which
-    cells (ny, nx) are so.
+    cells (ny, nx) are so. Where: x and y of a cell amid the largest piece of them; None if there are none.
     """
     side, marked = cells.resolution, cells.probability > occupied
     away = ndimage.distance_transform_edt(~marked, sampling=side) if marked.any() else np.full(marked.shape, np.inf)
     blocked = share_of_draws(run.draws, side, SMALL_ROBOT).probability > occupied
     closed = blocked & (away > SMALL_ROBOT + side) & (cells.probability < free)
-    return float(np.count_nonzero(closed) * side**2)
+    piece = ndimage.label(closed, np.ones((3, 3)))[0]
+    if not piece.any():
+        return 0.0, None
+    inside = np.argwhere(piece == 1 + np.bincount(piece[closed])[1:].argmax())
+    row, column = inside[((inside - inside.mean(axis=0)) ** 2).sum(axis=1).argmin()]
+    x, y = cells.origin + side * (np.array([column, row]) + 0.5)
+    return float(np.count_nonzero(closed) * side**2), (round(float(x), 2), round(float(y), 2))
 
 
 def only_known(cells: Raster, image: PosteriorImage | None, extrapolate: float) -> Raster:

@@ -199,8 +199,10 @@ def notes_on(source: Source, facts: Mapping[str, Any]) -> list[str]:
         notes.append(f"{words}. Sample longer before you rely on it there: prf sample --resume {source.path}")
     area = facts.get("free_but_closed_m2", 0.0)
     if area > LEAST_CLOSED:
-        closed = f"{area:.1f} m2 that this map calls free are closed to a disc of {SMALL_ROBOT} m"
-        notes.append(f"{closed}: walls there lie elsewhere in every draw. For a robot of any size: --radius METRES")
+        x, y = facts["free_but_closed_at"]
+        free = f"{area:.1f} m2 that this map calls free, most of them round ({x:.1f}, {y:.1f}),"
+        why = f"are closed to a disc of {SMALL_ROBOT} m: walls there lie elsewhere in every draw"
+        notes.append(f"{free} {why}. For a robot of any size: --radius METRES")
     return notes
 
 
@@ -284,7 +286,8 @@ def _ros_map(
     facts |= {"resolution": cells.resolution, **counts}
     if what == "p_occupied" and options.mode == "trinary" and source.run is not None and options.draw is None:
         free, occupied = options.unknown or (FREE_THRESHOLD, OCCUPIED_THRESHOLD)
-        facts["free_but_closed_m2"] = closed_though_free(cells, source.run, free, occupied)
+        area, place = closed_though_free(cells, source.run, free, occupied)
+        facts |= {"free_but_closed_m2": area, "free_but_closed_at": place}
     return (yaml, image, nav2_parameters(yaml_file, options.mode, is_mask, radius)), facts
 
 
