@@ -26,8 +26,8 @@ HEAD = """# Every verb and flag of `{tool}`
 {summary}
 
 A default in words is what the program works out; – is none. Without `-o` a result is named after its input, or as
-the text of the verb says. An option can also be set by an environment variable: `--max-range` of a verb by
-`{prefix}_VERB_MAX_RANGE`; a flag takes precedence. Results go to standard output, all else to standard error.
+the text of the verb says. An option can also be set by an environment variable: `--seed` of a verb by
+`{prefix}_VERB_SEED`; a flag takes precedence. Results go to standard output, all else to standard error.
 
 {verbs}
 

@@ -35,7 +35,7 @@ def report(
 
     The posterior with its unseen ground hatched, a slider over the draws, the best map, where the chains differ, and
     answers as prf query gives them: click a point for the probability that it is occupied, click the corners of a path
-    for that of a disc to follow it. The page has all draws, or as many as fit into about 3 MB, and states their number.
+    for that of a disc to follow it. The page has all draws, or as many as fit into 2.5 MB, and states their number.
     Without -o it is RUN.html beside the folder. With --truth it shows absolute and relative errors (ATE, RPE) of the
     trajectory that was sampled, beside what was stated.
     """
