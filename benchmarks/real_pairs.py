@@ -24,7 +24,7 @@ from mapq.model import Model
 from mapq.patches import Patches
 from mapq.perturb import build
 from mapq.posed import PosedScans
-from mapq.results.reasons import weighted_median
+from mapq.results.reasons import LEAST_OF_KIND, largest_median
 from mapq.segmentation import segment
 
 LEVELS = ((0.01, 0.1), (0.03, 0.3))
@@ -95,7 +95,7 @@ def statistics(cloud: PointCloud, models: dict[str, Model]) -> dict[str, list[fl
     patches = segment(cloud)
     features = patch_features(patches, FeatureSettings(context=("moments",)))
     area = features.shape[:, features.shape_names.index("area_m2")]
-    metres = weighted_median(features.disagreement[:, 1], area)
+    metres = largest_median(features.disagreement[:, 1], area, patches.kinds)
     apart = [float(np.log(max(np.nan_to_num(metres), LEAST_METRES)))]
     found = {ENTROPIES: list(entropies(cloud)), APART: apart}
     for name, model in models.items():
@@ -105,14 +105,18 @@ def statistics(cloud: PointCloud, models: dict[str, Model]) -> dict[str, list[fl
 
 
 def _of_map(patches: Patches, name: str, model: Model, area: np.ndarray) -> list[float]:
-    """Return the mean probability and the suspicious share of a map, patches weighing by their area."""
+    """Return the mean probability and the suspicious share of a map, patches weighing by their area.
+
+    Of upright or of level surfaces, whichever is larger, where these are a tenth of the area: errors along the ground
+    leave floors where they are.
+    """
     if len(patches) == 0:
         return [0.0, 0.0]
     said = say(patches, name, model)
-    return [
-        float(np.average(said.probability, weights=area)),
-        float(np.average(said.label == SUSPICIOUS, weights=area)),
-    ]
+    kinds = [patches.kinds == kind for kind in np.unique(patches.kinds)]
+    often = [mine for mine in kinds if area[mine].sum() >= LEAST_OF_KIND * area.sum()]
+    numbers = (said.probability, said.label == SUSPICIOUS)
+    return [max(float(np.average(each[mine], weights=area[mine])) for mine in often) for each in numbers]
 
 
 def accuracies(pairs: Sequence[Pair]) -> dict[str, list[dict[str, float]]]:

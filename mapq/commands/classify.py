@@ -41,7 +41,9 @@ FailOver = Annotated[
 FailApart = Annotated[
     float | None,
     typer.Option(
-        "--fail-apart", metavar="METRES", help="Exit 1 if scans disagree by more in the median, or are not known."
+        "--fail-apart",
+        metavar="METRES",
+        help="Exit 1 if scans disagree by more in the median, of walls or of floors, or are not known.",
     ),
 ]
 MinCoverage = Annotated[

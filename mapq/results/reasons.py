@@ -183,6 +183,8 @@ def context_words(values: dict[str, float]) -> str:
     return ""
 
 
+LEAST_OF_KIND = 0.1
+"""Share of the area, of surfaces of a kind, from which on their median counts by itself."""
 MIN_OVERLAP = 0.05
 """Overlap from which a pair's distance shows by how much a region is displaced."""
 
@@ -301,3 +303,16 @@ def weighted_median(values: NDArray[np.float64], weight: NDArray[np.float64]) ->
     if not len(order) or not total[-1]:
         return float("nan")
     return float(values[order[int(np.searchsorted(total, 0.5 * total[-1]))]])
+
+
+def largest_median(metres: NDArray[np.float64], area: NDArray[np.float64], kinds: NDArray[np.uint8]) -> float:
+    """Return the largest of the medians of `metres` (n,) by area (n,) over surfaces of one kind (n,); nan of none.
+
+    A shift along the ground leaves floors where they are, one in height walls: most of the area would hide either. A
+    kind counts if it has :data:`LEAST_OF_KIND` of the area where metres are known.
+    """
+    known = np.isfinite(metres) & np.isfinite(area)
+    of_kind = np.bincount(kinds[known], weights=area[known])
+    often = np.flatnonzero(of_kind >= LEAST_OF_KIND * of_kind.sum()) if of_kind.sum() else []
+    medians = [weighted_median(metres[kinds == kind], area[kinds == kind]) for kind in often]
+    return max(medians, default=float("nan"))

@@ -30,7 +30,7 @@ from mapq.report.page import write_report
 from mapq.results.causes import CAUSES, Cause, find_causes
 from mapq.results.content import counts_of, head_of, patch_rows, share_of
 from mapq.results.evaluate import Scores, score_labels
-from mapq.results.reasons import Reason, Reasons, Region, find_regions, weighted_median
+from mapq.results.reasons import Reason, Reasons, Region, find_regions, largest_median
 from mapq.results.verdict import MIN_COVERAGE, resolution_of, tolerance_of, verdict_of
 from mapq.results.visits import Visits, visits_of
 from prf.shell.cli.console import Report
@@ -218,8 +218,8 @@ class Result:
 
     @property
     def scans_apart(self) -> float:
-        """Metres by which scans disagree: median over the area of patches where it is known, nan of none."""
-        return weighted_median(self.features.disagreement[:, 1], self.area)
+        """Metres by which scans disagree: the larger of the medians over the area of walls and of floors."""
+        return largest_median(self.features.disagreement[:, 1], self.area, self.patches.kinds)
 
     def area_by_cause(self, some: NDArray[np.int64] | None = None) -> dict[str, float]:
         """Return the area in m² of suspicious patches (some: of those alone) by cause, the largest first."""
@@ -263,7 +263,8 @@ class Result:
         min_coverage : float
             Share of the points on planes of any kind that must be in judged patches, where that is known.
         fail_apart : float, optional
-            Metres by which scans may disagree in the median; a map whose scans are not known does not pass.
+            Metres by which scans may disagree in the median, of walls and of floors; where that is not known, a map
+            does not pass.
 
         Raises
         ------

@@ -32,6 +32,7 @@ from mapq.results.causes import (
     moved_by,
     nested_spread,
 )
+from mapq.results.reasons import largest_median, weighted_median
 from mapq.results.result import Seen, assess
 from mapq.results.visits import Clock, Visits, join_stays, stays_of, visits_of
 from tests.mapq.factories import make_patches, shuffled, wall
@@ -295,6 +296,18 @@ def test_scans_apart_is_the_disagreement_of_most_of_the_area():
     assert {tuple(row[name] for name in ("disagreement_m", "low", "high")) for row in silent.patch_rows()} == {
         (None, None, None)
     }
+
+
+def test_floors_do_not_hide_that_walls_are_apart():
+    metres, area = np.array([0.3, 0.3, 0.01, 0.01, 0.01, np.nan]), np.array([2.0, 2.0, 10.0, 10.0, 10.0, 90.0])
+    upright, level, tilted = 0, 1, 2
+    kinds = np.array([upright, upright, level, level, level, level], np.uint8)
+    assert weighted_median(metres, area) == 0.01
+    assert largest_median(metres, area, kinds) == 0.3
+    few = np.array([level, tilted, level, level, level, level], np.uint8)
+    assert largest_median(metres, area, few) == 0.01, "too little to say something by itself"
+    assert np.isnan(largest_median(metres[-1:], area[-1:], kinds[-1:]))
+    assert np.isnan(largest_median(metres[:0], area[:0], kinds[:0]))
 
 
 def test_the_back_of_a_thin_wall_is_no_second_copy_of_it():
