@@ -313,6 +313,6 @@ def largest_median(metres: NDArray[np.float64], area: NDArray[np.float64], kinds
     """
     known = np.isfinite(metres) & np.isfinite(area)
     of_kind = np.bincount(kinds[known], weights=area[known])
-    often = np.flatnonzero(of_kind >= LEAST_OF_KIND * of_kind.sum()) if of_kind.sum() else []
+    often = np.flatnonzero(of_kind >= max(LEAST_OF_KIND * of_kind.sum(), np.finfo(np.float64).tiny))
     medians = [weighted_median(metres[kinds == kind], area[kinds == kind]) for kind in often]
     return max(medians, default=float("nan"))
