@@ -18,9 +18,9 @@ RADIUS = 0.5
 """Metres round a point whose neighbourhood is looked at (Droeschel, Stückler and Behnke 2014)."""
 LEAST = 5
 """Points that a neighbourhood needs, the middle one included."""
-SAMPLE = 20_000
-"""Points that are sampled, at most: the error of the mean is then below a hundredth of the spread."""
-BATCH = 2_000
+SAMPLE = 4_000
+"""Points that are sampled, at most: the error of the mean is then below a fiftieth of the spread."""
+BATCH = 100
 """Points whose neighbours are held at once."""
 
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -86,17 +87,23 @@ def main() -> None:
     parser.add_argument("--json", action="store_true", help="print all numbers as JSON")
     options = parser.parse_args()
     models = models_from_simulation()
-    sets = {"quad": real_data.quad(options.data), "hall": real_data.hall(options.data)}
-    found = {name: summary(measure(scans, models, options.maps)) for name, scans in sets.items()}
+    found = {}
+    for name, scans in (("quad", real_data.quad(options.data)), ("hall", real_data.hall(options.data))):
+        found[name] = summary(measure(scans, models, options.maps))
+        if not options.json:
+            tell(name, found[name])
     if options.json:
         print(json.dumps(found))
-        return
-    for name, result in found.items():
-        print(f"{name}: {result['maps']} maps, true drift {min(result['drift']):.3f} to {max(result['drift']):.3f} m")
-        for number, rank in result["rank_correlation"].items():
-            print(f"  {number:44}{rank:>8.3f}")
-        for method, row in result["patches"].items():
-            print(f"  {method:34}AUC {row['auc']:.3f}  of {row['n']} patches, {row['base_rate']:.1%} suspicious")
+
+
+def tell(name: str, result: dict[str, Any]) -> None:
+    """Print the table of a set."""
+    print(f"{name}: {result['maps']} maps, true drift {min(result['drift']):.3f} to {max(result['drift']):.3f} m")
+    for number, rank in result["rank_correlation"].items():
+        print(f"  {number:44}{rank:>8.3f}")
+    for method, row in result["patches"].items():
+        print(f"  {method:34}AUC {row['auc']:.3f}  of {row['n']} patches, {row['base_rate']:.1%} suspicious")
+    sys.stdout.flush()
 
 
 if __name__ == "__main__":
