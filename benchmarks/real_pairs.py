@@ -24,7 +24,7 @@ from mapq.model import Model
 from mapq.patches import Patches
 from mapq.perturb import build
 from mapq.posed import PosedScans
-from mapq.results.reasons import LEAST_OF_KIND, largest_median
+from mapq.results.reasons import largest_median, usual_kinds
 from mapq.segmentation import segment
 
 LEVELS = ((0.01, 0.1), (0.03, 0.3))
@@ -113,10 +113,9 @@ def _of_map(patches: Patches, name: str, model: Model, area: np.ndarray) -> list
     if len(patches) == 0:
         return [0.0, 0.0]
     said = say(patches, name, model)
-    kinds = [patches.kinds == kind for kind in np.unique(patches.kinds)]
-    often = [mine for mine in kinds if area[mine].sum() >= LEAST_OF_KIND * area.sum()]
+    kinds = usual_kinds(area, patches.kinds)
     numbers = (said.probability, said.label == SUSPICIOUS)
-    return [max(float(np.average(each[mine], weights=area[mine])) for mine in often) for each in numbers]
+    return [max(float(np.average(each[mine], weights=area[mine])) for mine in kinds) for each in numbers]
 
 
 def accuracies(pairs: Sequence[Pair]) -> dict[str, list[dict[str, float]]]:

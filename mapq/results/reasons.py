@@ -308,11 +308,14 @@ def weighted_median(values: NDArray[np.float64], weight: NDArray[np.float64]) ->
 def largest_median(metres: NDArray[np.float64], area: NDArray[np.float64], kinds: NDArray[np.uint8]) -> float:
     """Return the largest of the medians of `metres` (n,) by area (n,) over surfaces of one kind (n,); nan of none.
 
-    A shift along the ground leaves floors where they are, one in height walls: most of the area would hide either. A
-    kind counts if it has :data:`LEAST_OF_KIND` of the area where metres are known.
+    A shift along the ground leaves floors where they are, one in height walls: most of the area would hide either.
     """
     known = np.isfinite(metres) & np.isfinite(area)
-    of_kind = np.bincount(kinds[known], weights=area[known])
-    often = np.flatnonzero(of_kind >= max(LEAST_OF_KIND * of_kind.sum(), np.finfo(np.float64).tiny))
-    medians = [weighted_median(metres[kinds == kind], area[kinds == kind]) for kind in often]
+    medians = [weighted_median(metres[mine], area[mine]) for mine in usual_kinds(np.where(known, area, 0.0), kinds)]
     return max(medians, default=float("nan"))
+
+
+def usual_kinds(area: NDArray[np.float64], kinds: NDArray[np.uint8]) -> list[NDArray[np.bool_]]:
+    """Return, of each kind that has :data:`LEAST_OF_KIND` of all area in m² (n,), which surfaces (n,) are of it."""
+    each = [kinds == kind for kind in np.unique(kinds)]
+    return [mine for mine in each if area[mine].sum() >= LEAST_OF_KIND * area.sum() > 0.0]
