@@ -40,7 +40,7 @@ PARTS = (
     *("city_tiles tiles", "city_tiles drives", "city_tiles lost", "table2", "ablation", "context"),
     *(f"unseen prepare --cache {CACHE} --training", f"unseen score --cache {CACHE}", "scenes", "real_maps"),
     *("real_ranks", f"trajectories --cases {DRIVES} --worlds 22 24 26 28 --seconds 120 --threads 1"),
-    *("edges", "causes", "causes --drives", "formats"),
+    *("edges", "edges --tuned", "causes", "causes --drives", "formats"),
 )
 """Arguments of `python -m benchmarks.`, in the order of the table in README.md."""
 
