@@ -38,7 +38,7 @@ def main(log: Path, output: Path, times: list[float], seed: int, chains: int) ->
     images, steps = [], []
     taken: list[float] = []
     with ThreadPoolExecutor(THREADS) as pool:
-        for _ in drive(ensemble, StopRule(limit=math.inf), pool.map):
+        for _ in drive(ensemble, StopRule(seconds=math.inf), pool.map):
             while len(taken) < len(times) and seconds_now() - start >= times[len(taken)]:
                 images.append(ensemble.occupancy()[0])
                 steps.append(ensemble.step)
