@@ -301,8 +301,8 @@ class ChainRun:
     def redraw_ground(self, steps: int) -> None:
         """Redraw ground that no reading concerns, in proportion to `steps`; :meth:`settle` afterwards."""
         if self.ground is not None:
-            self.ground.close(self.chain)
-            self.chain = self.ground.refresh(self.chain, self.rng, self.ground.proposals(steps))
+            guards = self.ground.closed(self.chain)
+            self.chain = self.ground.refresh(self.chain, guards, self.rng, self.ground.proposals(steps))
 
     def settle(self) -> None:
         """Recompute sums and lists, and look which returns no edge explains, as at the end of every round."""
@@ -336,11 +336,11 @@ class ChainRun:
             self.chain = chain._replace(image=make_image(start, chain.graph, self.target.execution.resolution))
             cover(self.chain)
         if self.ground is not None:
-            self.ground.close(self.chain)
+            guards = self.ground.closed(self.chain)
             for _ in range(0, self.ground.first_proposals, PROPOSALS_PER_LOOK):
                 if is_over():
                     break
-                self.chain = self.ground.refresh(self.chain, self.rng, PROPOSALS_PER_LOOK)
+                self.chain = self.ground.refresh(self.chain, guards, self.rng, PROPOSALS_PER_LOOK)
             self.settle()
         self.schedule.begin(self.chain)
         self.record.take(self.chain, self.poses)

@@ -37,7 +37,7 @@ from prf.kernels.state.build import fill_index, recompute_sums
 from prf.kernels.state.chain import Chain
 from prf.kernels.state.frozen import freeze, retrace, thaw
 from prf.kernels.state.grid import Grid, make_grid, most_cells
-from prf.kernels.state.guards import GUARD_BOX, GUARD_RAY, N_SHAPE
+from prf.kernels.state.guards import GUARD_BOX, GUARD_RAY, N_SHAPE, Guards
 from prf.kernels.step import run
 from prf.model.arak import exact_draws
 from prf.model.coloring import Coloring, from_polygons, occupied_polygons
@@ -211,17 +211,21 @@ class PriorGround:
         bare = dataclasses.replace(target, laser=None, sonar=None, points=None).with_execution(resolution=None)
         self._bare = make_chain(bare.with_execution(cell=EDGE_CELL / target.scale), Coloring.empty(target.window))
         self._bare.tuning[REACHES] *= ENLARGED
-        self.close(chain)
+        self.influence = influence_of(target, chain)
+        self.n_edges = 0.0  # that the prior has on what the last guards left open
 
-    def close(self, chain: Chain) -> None:
-        """Close the ground that readings concern in the present map."""
+    def closed(self, chain: Chain) -> Guards:
+        """Return guards of the ground that readings concern in the present map.
+
+        Let go of them afterwards: those of many beams take more room than all else of the ground.
+        """
         target, grid = self.target, chain.edge_index.grid
         self.influence = influence_of(target, chain)
         rays, coned = closed_rays(chain, self.influence), coned_cells(target, chain)
         is_open = ~(coned | passed_cells(grid, rays))
         self.n_edges = edge_density(target.scale) * float(np.count_nonzero(is_open)) * grid.cell**2
         shapes = [rays, closed_boxes(grid, coned), way_guards(target.way, target.driven_radius)]
-        self._guards = make_guards(self._bare.edge_index.grid, np.zeros(0, np.int64), np.concatenate(shapes))
+        return make_guards(self._bare.edge_index.grid, np.zeros(0, np.int64), np.concatenate(shapes))
 
     @property
     def first_proposals(self) -> int:
@@ -233,8 +237,8 @@ class PriorGround:
         rate = min(MOST_PROPOSALS, PROPOSALS_PER_EDGE * self.n_edges)
         return int(rate * steps * (TILED_FACTOR if self.target.execution.tiles else 1.0))
 
-    def refresh(self, chain: Chain, rng: np.random.Generator, proposals: int) -> Chain:
-        """Make this many proposals on ground that :meth:`close` left open in this map; they count as no steps.
+    def refresh(self, chain: Chain, guards: Guards, rng: np.random.Generator, proposals: int) -> Chain:
+        """Make this many proposals on ground that :meth:`closed` left open in this map; they count as no steps.
 
         :meth:`settle` the chain afterwards.
         """
@@ -244,13 +248,13 @@ class PriorGround:
         while True:
             index = make_index(chain.graph, bare.edge_index.grid, CELL_ROOM)
             frozen = np.empty(len(chain.graph.edge_length), np.int32)
-            n = freeze(chain.graph, index, self._guards, frozen)
+            n = freeze(chain.graph, index, guards, frozen)
             part = chain._replace(
                 edge_index=index,
                 beams=bare.beams,
                 cones=bare.cones,
                 targets=bare.targets,
-                guards=self._guards,
+                guards=guards,
                 proposal=bare.proposal,
                 density=bare.density,
                 tuning=bare.tuning,

@@ -120,8 +120,8 @@ def test_steps_there_leave_every_likelihood_to_the_last_bit(kind: str) -> None:
         before, likelihoods = read_coloring(chain.graph), log_likelihoods(chain)
         total, step = float(chain.graph.sums[c.LOG_LIKELIHOOD]), int(chain.graph.counts[c.STEP])
         outcomes, region = chain.outcomes.copy(), closed_region(target, chain)
-        ground.close(chain)
-        chain = ground.settle(ground.refresh(ground.refresh(chain, rng, 1500), rng, 1500))
+        guards = ground.closed(chain)
+        chain = ground.settle(ground.refresh(ground.refresh(chain, guards, rng, 1500), guards, rng, 1500))
         after = read_coloring(chain.graph)
         assert chain.graph.counts[c.STEP] == step
         assert np.array_equal(chain.outcomes, outcomes)
@@ -149,8 +149,9 @@ def test_closed_cells_left_open_are_caught() -> None:
     target, rng = target_of("laser"), np.random.default_rng(1)
     chain = make_chain(target, Coloring.empty(ROOM))
     ground = PriorGround(target, chain)
-    ground._guards = ground._guards._replace(lists=np.zeros_like(ground._guards.lists))
-    chain = ground.settle(ground.refresh(run_chain(chain, rng, 20_000), rng, 10_000))
+    guards = ground.closed(chain)
+    guards = guards._replace(lists=np.zeros_like(guards.lists))
+    chain = ground.settle(ground.refresh(run_chain(chain, rng, 20_000), guards, rng, 10_000))
     assert {"log likelihood", "beam log likelihoods"} <= set(differences(chain))
 
 
@@ -162,7 +163,7 @@ def test_room_is_made_on_the_way() -> None:
     room = len(chain.graph.edge_length)
     ground = prior_ground(target, chain)
     assert ground is not None
-    chain = ground.settle(ground.refresh(chain, np.random.default_rng(2), 200_000))
+    chain = ground.settle(ground.refresh(chain, ground.closed(chain), np.random.default_rng(2), 200_000))
     assert len(chain.graph.edge_length) > room
     assert chain.graph.counts[c.EDGES] > room
     assert chain.graph.counts[c.STEP] == 0

@@ -61,10 +61,10 @@ def refreshed_draws(n_draws: int, seed: int, is_closed: bool = True) -> Draws:
     for number in range(n_draws + 20):
         for _ in range(2):
             chain = run_chain(chain, rng, int(chain.graph.counts[c.STEP]) + 2000)
-            ground.close(chain)
+            guards = ground.closed(chain)
             if not is_closed:
-                ground._guards = ground._guards._replace(lists=np.zeros_like(ground._guards.lists))
-            chain = ground.settle(ground.refresh(chain, rng, 2000))
+                guards = guards._replace(lists=np.zeros_like(guards.lists))
+            chain = ground.settle(ground.refresh(chain, guards, rng, 2000))
             recompute_sums(chain)
         if number >= 20:
             maps.append(read_coloring(chain.graph))
