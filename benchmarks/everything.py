@@ -22,7 +22,6 @@ ROOT = Path(__file__).parent.parent
 FOLDER = ROOT / "build" / "bench"
 INTEL = DATA / "carmen" / "intel-corrected.log.gz"
 CACHE = FOLDER / "cache"
-DRIVES = "small large loop long carried repeating ambiguous"
 PARTS = (
     *("step_rate", "office_time", "agreement", "multimodal", f"intervals {INTEL} --window -10 -16 10 4"),
     *(
@@ -39,7 +38,7 @@ PARTS = (
     *("explore poses", "explore drive", "explore table", "segmentation", "graph_cut", "city_tiles run"),
     *("city_tiles tiles", "city_tiles drives", "city_tiles lost", "table2", "ablation", "context"),
     *(f"unseen prepare --cache {CACHE} --training", f"unseen score --cache {CACHE}", "scenes", "real_maps"),
-    *("real_ranks", f"trajectories --cases {DRIVES} --worlds 22 24 26 28 --seconds 120 --threads 1"),
+    *("real_ranks", "trajectories --worlds 22 24 26 28 --seconds 120 --threads 1"),
     *("edges", "edges --tuned", "causes", "causes --drives", "formats"),
 )
 """Arguments of `python -m benchmarks.`, in the order of the table in README.md."""

@@ -215,7 +215,7 @@ class PriorGround:
         self.n_edges = 0.0  # that the prior has on what the last guards left open
 
     def closed(self, chain: Chain) -> Guards:
-        """Return guards of the ground that readings concern in the present map.
+        """Return guards of the ground that readings concern in the present map, and count edges on what is left.
 
         Let go of them afterwards: those of many beams take more room than all else of the ground.
         """
