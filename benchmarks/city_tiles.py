@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -102,7 +103,9 @@ def city(folder: Path, n_points: int, tile_points: int = POINTS_OF_TILE) -> Path
 
 
 def classify(source: Path, target: Path, *options: str) -> Cost:
-    """Classify a city in tiles."""
+    """Classify a city in tiles; what an earlier run left is removed, whose tiles may be others."""
+    if target.is_dir():
+        shutil.rmtree(target)
     return measured([sys.executable, "-m", "mapq", "classify", str(source), "-o", str(target), "-f", *options])
 
 

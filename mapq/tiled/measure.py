@@ -2,7 +2,8 @@
 
 The points of these patches and of all that their measures depend on are loaded, whatever tiles they are in, and
 measured by the functions that measure a map in memory. Only patches larger than `LARGEST_PATCH`, such as the ground,
-are thinned.
+are thinned. Such a wide patch is measured by itself, among others that are thinned; what is about the others ends some
+metres from them, though the ground goes on.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from mapq.cloud import PointCloud
 from mapq.configuration import FeatureSettings
 from mapq.features.compute import measure
 from mapq.features.context import Beyond
-from mapq.features.copies import ABOUT, FARTHEST
+from mapq.features.copies import ABOUT, FARTHEST, TILE
 from mapq.features.disagreement import OWNED, WINDOW, Known, window_centres
 from mapq.features.shape import curve_places
 from mapq.features.table import PatchFeatures
@@ -37,6 +38,8 @@ from prf.shell.scheduler import Workers
 
 LOOSE_REACH = 2.0 * FARTHEST
 """Metres from a patch within which points may lie over it, whether they are in a patch or in none."""
+WINDOWS_REACH = 2.0 * WINDOW
+"""Metres from the middle of a window up to which patches are loaded: it uses the motions of windows beside it."""
 SLACK = 0.1
 """Metres by which the mean of a patch's distinct points may lie off that of all of them."""
 LARGEST_PATCH = 1_000_000
@@ -90,6 +93,7 @@ def measure_part(
     is_about: NDArray[np.bool_],
     step: int,
     rest: Ints,
+    box: Floats,
     settings: FeatureSettings,
     beyond: Beyond,
 ) -> PatchFeatures:
@@ -97,21 +101,22 @@ def measure_part(
 
     `is_own` (c,): which of the group; their measures depend on the others. `is_about` (c,): over which of the group all
     points of no patch are wanted; over the others one of `step`. `rest` (q, 4): slices of the points of no patch that
-    may lie near.
+    may lie near. `box` (2, 3): beyond which these count no more.
     """
-    found = measure(_with_loose(part, is_about, step, rest), settings, beyond, is_own)
+    found = measure(_with_loose(part, is_about, step, rest, box), settings, beyond, is_own)
     return found._replace(
         node=found.node[is_own], shape=found.shape[is_own], pairs=part.number.astype(np.int32)[found.pairs]
     )
 
 
-def _with_loose(part: PatchGroup, is_about: NDArray[np.bool_], step: int, rest: Ints) -> Patches:
+def _with_loose(part: PatchGroup, is_about: NDArray[np.bool_], step: int, rest: Ints, box: Floats) -> Patches:
     """Return patches with the points of no patch that may lie over them."""
     patches, store = part.load(), part.store
     cloud = patches.cloud
     about, far = (_voxels_about(cloud.xyz[some[patches.patch]]) for some in (is_about, ~is_about))
     found = []
     for records in _chunks(store, rest):
+        records = records[((records["xyz"] >= box[0]) & (records["xyz"] <= box[1])).all(axis=1)]
         key = voxel_keys(records["xyz"] - part.corner, FARTHEST)
         wanted = np.isin(key, about)
         wanted[np.flatnonzero(~wanted & np.isin(key, far))[::step]] = True
@@ -166,9 +171,11 @@ class Measuring:
         self._step = np.ones(len(whole), np.int64)
         if n_points.sum() > self._most:
             self._step = -(-n_points // LARGEST_PATCH)
-        order = np.argsort(curve_places(whole.joined.centroid), kind="stable")
-        group = (np.cumsum((n_points // self._step)[order]) - 1) // self._most
-        self.groups = [np.sort(each) for each in np.split(order, np.flatnonzero(np.diff(group)) + 1)]
+        is_wide: NDArray[np.bool_] = self._step > 1
+        order = np.lexsort((curve_places(whole.joined.centroid), is_wide))
+        group = (np.cumsum(np.where(is_wide, 0, n_points)[order]) - 1) // self._most
+        ends = np.flatnonzero((np.diff(group) > 0) | is_wide[order][1:]) + 1
+        self.groups = [np.sort(each) for each in np.split(order, ends)]
 
     def features(self, known: Known) -> Iterator[PatchFeatures]:
         """Yield what is measured of each group of patches."""
@@ -184,25 +191,35 @@ class Measuring:
         yield from self._workers(call, tasks)
 
     def _task(self, group: Ints, windows: Floats, beyond: Beyond) -> Callable[[], PatchFeatures]:
-        whole, settings = self._whole, self._settings
-        has_copies = "copies" in settings.context
-        # Patches whose tiles may be evidence of these.
+        whole = self._whole
+        has_copies = "copies" in self._settings.context
         reach = ABOUT + SLACK if has_copies else 0.0
-        about = np.union1d(group, patches_near(whole, whole.low[group], whole.high[group], reach))
-        near = patches_near(whole, whole.low[about], whole.high[about], max(settings.radius, LOOSE_REACH))
-        number = np.union1d(near, patches_near(whole, windows, windows, WINDOW + LOOSE_REACH))
-        is_near = np.isin(number, near, assume_unique=True)
+        about, near = self._surroundings(group, reach)
+        number = np.union1d(near, patches_near(whole, windows, windows, WINDOWS_REACH + LOOSE_REACH))
+        is_own, is_about, is_near = (np.isin(number, some, assume_unique=True) for some in (group, about, near))
+        if (self._step[group] > 1).any():  # what is about a wide patch may be the whole map
+            is_about, is_near = np.zeros(len(number), bool), is_own
         step = max(1, -(-int(whole.joined.n_points[number[~is_near]].sum()) // self._most))
         part = part_of(whole, self._store, number, np.maximum(self._step[number], np.where(is_near, 1, step)))
+        ends = np.concatenate([whole.box_of(group, reach + TILE), windows - WINDOWS_REACH, windows + WINDOWS_REACH])
+        low, high = ends.min(axis=0) - LOOSE_REACH, ends.max(axis=0) + LOOSE_REACH
         rest = whole.rest[:0]
         if len(number) and (len(windows) or has_copies):
-            low, high = whole.low[number].min(axis=0) - LOOSE_REACH, whole.high[number].max(axis=0) + LOOSE_REACH
             is_met = (self._boxes[:, :2] <= high[:2]).all(axis=1) & (self._boxes[:, 2:] >= low[:2]).all(axis=1)
             rest = whole.rest[is_met[whole.rest[:, 0]]]
         centres = None if beyond.centres is None else beyond.centres - whole.corner
-        is_own, is_about = (np.isin(number, some, assume_unique=True) for some in (group, about))
         beyond = beyond._replace(centres=centres)
-        return partial(measure_part, part, is_own, is_about, step, rest, settings, beyond)
+        return partial(measure_part, part, is_own, is_about, step, rest, np.array([low, high]), self._settings, beyond)
+
+    def _surroundings(self, group: Ints, reach: float) -> tuple[Ints, Ints]:
+        """Return the patches whose tiles may be evidence of a group's, and all that may be measured with these."""
+        whole = self._whole
+        low, high = whole.low[group], whole.high[group]
+        about = np.union1d(group, patches_near(whole, low, high, reach))
+        if not (self._step[group] > 1).any():
+            # The ground is about all of them: what lies on it far off is evidence of none.
+            low, high = (np.clip(each[about], *whole.box_of(group, reach + TILE)) for each in (whole.low, whole.high))
+        return about, patches_near(whole, low, high, max(self._settings.radius, LOOSE_REACH))
 
     def join(self, parts: list[PatchFeatures], up: list[float]) -> PatchFeatures:
         """Return the features of all patches and pairs; pairs that two groups measured are taken once."""

@@ -16,6 +16,7 @@ from mapq.model import Model
 from mapq.results.result import assess
 from mapq.segmentation import segment
 from mapq.simulate.city import ORIGIN, PITCH, SIDES, make_block, plan_city, write_city
+from mapq.tiled.measure import PatchGroup
 from mapq.tiled.run import assess_map, classify_map, cut_map
 from prf.shell.cli.files import work_folder
 
@@ -133,6 +134,29 @@ def test_sides_that_were_seen_once_are_plausible():
         assert (share > 0).sum() < SIDES * 5
     assert any(block.truth.any() for block in blocks)
     assert not all(block.truth[block.surface >= 0].all() for block in blocks)
+
+
+def test_a_task_loads_what_lies_about_its_patches_though_the_ground_lies_about_all(town, model, monkeypatch):
+    """All tilts are kept, in nine tiles; the ground, looked at in 20 000 points, is measured by itself."""
+    monkeypatch.setattr("mapq.tiled.measure.LARGEST_PATCH", 20_000)
+    settings = Configuration(tiles=TileSettings(tile_points=N_POINTS // 9), segment=SegmentSettings(surfaces=SURFACES))
+    loaded, own = [], []
+
+    def workers(call, tasks):
+        for task in tasks:
+            part, is_own = getattr(task, "args", (None, None))[:2]
+            if isinstance(part, PatchGroup):
+                loaded.append(sum(len(range(*row[1:])) for row in part.slices.tolist()))
+                own.append(int(is_own.sum()))
+            yield call(task)
+
+    with work_folder(str(town)) as folder:
+        cut = cut_map(open_map(str(town), AS_IT_IS), settings, workers, folder)
+        assess_map(cut, settings, model, workers)
+    assert cut.patches.counts.max() > 50_000
+    assert own[-1] == 1
+    assert loaded[-1] < 20_000 + 2 * N_POINTS // 9
+    assert max(loaded) < 0.7 * cut.patches.counts.sum()
 
 
 @pytest.mark.slow
