@@ -207,7 +207,7 @@ def on_the_way(chain: Chain, radius: float = RADIUS + STRAIGHT) -> int:
 
 
 @LENGTHS
-@pytest.mark.parametrize("cell", [0.31, 1.0, 7.0])
+@pytest.mark.parametrize("cell", [0.31, 1.0, pytest.param(7.0, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("with_laser", [False, True], ids=["prior", "laser"])
 def test_twins_agree_when_edges_may_come_near_the_way(with_laser: bool, cell: float, share: float) -> None:
     """From a draw of the prior, where they do; sensors may stand in black, too."""

@@ -27,6 +27,15 @@ from tests.output.report.test_live import address_in, get
 TEMPERATURES = ("--set", "sampler.temperatures=3")
 LOWEST = "sampler.lowest_inverse_temperature"
 QUICK = ("--every-scan", "8", "--every-beam", "6", "--chains", "2", "--resolution", "0.5")
+IMPATIENT = """
+from prf.cli import main
+from prf.output.report import live
+from prf.shell.cli import console
+
+console.PLAIN_INTERVAL = live.EVERY = 0.0
+main()
+"""
+"""`prf`, with a line of progress and a new page as soon as there is one."""
 RESULTS = ("draws.npz", "posterior.npz", "readings.npz", "map.geojson")
 
 
@@ -276,7 +285,7 @@ def test_a_signal_leaves_a_run_that_can_be_resumed(
     folder = tmp_path / "run"
     args = ["--laser", str(log), *QUICK, "--seed", "1", "-o", str(folder), "--time-budget", "300"]
     process = subprocess.Popen(
-        [sys.executable, "-m", "prf", "sample", *args],
+        [sys.executable, "-c", IMPATIENT, "sample", *args],
         stderr=subprocess.PIPE,
         text=True,
         env=os.environ | {"LC_ALL": "C"},
@@ -342,7 +351,7 @@ def test_a_viewed_run_serves_its_page_and_leaves_it_beside(
 ) -> None:
     args = ["sample", "--laser", str(log), *QUICK, "--seed", "1", "-o", str(tmp_path / "run"), "--view"]
     process = subprocess.Popen(
-        [sys.executable, "-m", "prf", *args, "--time-budget", "300"],
+        [sys.executable, "-c", IMPATIENT, *args, "--time-budget", "300"],
         stderr=subprocess.PIPE,
         text=True,
         env=os.environ | {"BROWSER": "true"},

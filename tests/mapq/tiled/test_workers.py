@@ -69,7 +69,7 @@ def say_and_sleep(path: str) -> None:
     time.sleep(600.0)
 
 
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT])
+@pytest.mark.parametrize("number", [pytest.param(signal.SIGKILL, marks=pytest.mark.slow), signal.SIGINT])
 def test_workers_end_silently_with_their_leader(tmp_path, project_root, number):
     """In the middle of their tasks; SIGINT goes to all of them, as Ctrl-C does."""
     (tmp_path / "leader.py").write_text(LEADER)

@@ -163,7 +163,9 @@ def test_fields_of_view_that_are_none_are_refused(view: float) -> None:
 
 
 @pytest.mark.parametrize(("window", "scale"), [(ROOM, 0.4), (FAR, 0.3)], ids=["room", "far from the origin"])
-@pytest.mark.parametrize("cell", [None, 0.2, 5.0], ids=["chosen", "small", "large"])
+@pytest.mark.parametrize(
+    "cell", [None, 0.2, pytest.param(5.0, marks=pytest.mark.slow)], ids=["chosen", "small", "large"]
+)
 def test_the_index_loses_nothing(window: Window, scale: float, cell: float | None) -> None:
     """Cones over the whole window: each chain's likelihoods are those of the slow twin, whatever the cells."""
     rng = np.random.default_rng(1)

@@ -189,7 +189,9 @@ def test_a_png_is_read_by_others(tmp_path: Path) -> None:
     np.testing.assert_array_equal(np.rint(255 * imread(tmp_path / "a.png")), pixels)
 
 
-@pytest.mark.parametrize("radius", [0.05, 0.4, 1.3])
+@pytest.mark.parametrize(
+    "radius", [pytest.param(0.05, marks=pytest.mark.slow), 0.4, pytest.param(1.3, marks=pytest.mark.slow)]
+)
 def test_a_cell_of_a_radius_is_what_a_disc_there_is_asked_by_query(folder: Path, tmp_path: Path, radius: float) -> None:
     run = read_run(folder)
     own = Options(format="ros-map", mode="raw", radius=radius, resolution=0.4)
