@@ -53,12 +53,6 @@ class Whole(NamedTuple):
         """Lowest corner (3,) of the box around all patches; 0 without any."""
         return self.low.min(axis=0) if len(self.low) else np.zeros(3)
 
-    def box_of(self, number: Ints, margin: float) -> Floats:
-        """Return the box (2, 3) around some patches, and so many metres more."""
-        if not len(number):
-            return np.zeros((2, 3))
-        return np.array([self.low[number].min(axis=0) - margin, self.high[number].max(axis=0) + margin])
-
 
 def cut_tile(
     tile: int, store: WorkFolder, tiling: Tiling, halo: float, chosen: Parameters, frame: Floats, near: Floats

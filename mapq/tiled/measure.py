@@ -15,6 +15,7 @@ from operator import call
 from typing import NamedTuple
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
@@ -93,7 +94,7 @@ def measure_part(
     is_about: NDArray[np.bool_],
     step: int,
     rest: Ints,
-    box: Floats,
+    reach: float,
     settings: FeatureSettings,
     beyond: Beyond,
 ) -> PatchFeatures:
@@ -101,22 +102,25 @@ def measure_part(
 
     `is_own` (c,): which of the group; their measures depend on the others. `is_about` (c,): over which of the group all
     points of no patch are wanted; over the others one of `step`. `rest` (q, 4): slices of the points of no patch that
-    may lie near. `box` (2, 3): beyond which these count no more.
+    may lie near. `reach`: metres from the patches wanted up to which these count.
     """
-    found = measure(_with_loose(part, is_about, step, rest, box), settings, beyond, is_own)
+    found = measure(_with_loose(part, is_own, is_about, step, rest, reach), settings, beyond, is_own)
     return found._replace(
         node=found.node[is_own], shape=found.shape[is_own], pairs=part.number.astype(np.int32)[found.pairs]
     )
 
 
-def _with_loose(part: PatchGroup, is_about: NDArray[np.bool_], step: int, rest: Ints, box: Floats) -> Patches:
+def _with_loose(
+    part: PatchGroup, is_own: NDArray[np.bool_], is_about: NDArray[np.bool_], step: int, rest: Ints, reach: float
+) -> Patches:
     """Return patches with the points of no patch that may lie over them."""
     patches, store = part.load(), part.store
     cloud = patches.cloud
-    about, far = (_voxels_about(cloud.xyz[some[patches.patch]]) for some in (is_about, ~is_about))
+    about, far = (_voxels_about(cloud.xyz[some[patches.patch]], FARTHEST) for some in (is_about, ~is_about))
+    within = _voxels_about(cloud.xyz[is_own[patches.patch]], reach)
     found = []
-    for records in _chunks(store, rest):
-        records = records[((records["xyz"] >= box[0]) & (records["xyz"] <= box[1])).all(axis=1)]
+    for read in _chunks(store, rest):
+        records = read[np.isin(voxel_keys(read["xyz"] - part.corner, reach), within)]
         key = voxel_keys(records["xyz"] - part.corner, FARTHEST)
         wanted = np.isin(key, about)
         wanted[np.flatnonzero(~wanted & np.isin(key, far))[::step]] = True
@@ -135,11 +139,11 @@ def _chunks(store: WorkFolder, slices: Ints) -> Iterator[NDArray[np.void]]:
         yield np.concatenate([np.zeros(0, store.record), *store.points(some)])
 
 
-def _voxels_about(points: Floats) -> Ints:
+def _voxels_about(points: Floats, side: float) -> Ints:
     """Return the keys (v,) of the voxels in which points (k, 3) lie, and of those beside."""
-    places = np.unique(np.floor(points / FARTHEST), axis=0)
+    places = np.unique(np.floor(points / side), axis=0)
     beside = np.stack(np.meshgrid(*[[-1.0, 0.0, 1.0]] * 3), axis=-1).reshape(-1, 1, 3)
-    return np.unique(voxel_keys(((places + beside).reshape(-1, 3) + 0.5) * FARTHEST, FARTHEST))
+    return np.unique(voxel_keys(((places + beside).reshape(-1, 3) + 0.5) * side, side))
 
 
 class Measuring:
@@ -176,6 +180,7 @@ class Measuring:
         group = (np.cumsum(np.where(is_wide, 0, n_points)[order]) - 1) // self._most
         ends = np.flatnonzero((np.diff(group) > 0) | is_wide[order][1:]) + 1
         self.groups = [np.sort(each) for each in np.split(order, ends)]
+        self._plan = shapely.STRtree(shapely.box(*whole.low[:, :2].T, *whole.high[:, :2].T))
 
     def features(self, known: Known) -> Iterator[PatchFeatures]:
         """Yield what is measured of each group of patches."""
@@ -192,34 +197,37 @@ class Measuring:
 
     def _task(self, group: Ints, windows: Floats, beyond: Beyond) -> Callable[[], PatchFeatures]:
         whole = self._whole
+        own = whole.low[group], whole.high[group]
         has_copies = "copies" in self._settings.context
-        reach = ABOUT + SLACK if has_copies else 0.0
-        about, near = self._surroundings(group, reach)
-        number = np.union1d(near, patches_near(whole, windows, windows, WINDOWS_REACH + LOOSE_REACH))
+        # Of evidence of these, which is in tiles of patches about them; what lies over it may be as far off again.
+        reach = ABOUT + SLACK + TILE if has_copies else 0.0
+        about = np.union1d(group, self._patches_near(*own, ABOUT + SLACK if has_copies else 0.0))
+        near = self._patches_near(*own, reach + max(self._settings.radius, LOOSE_REACH))
+        number = np.union1d(near, self._patches_near(windows, windows, WINDOWS_REACH + LOOSE_REACH))
         is_own, is_about, is_near = (np.isin(number, some, assume_unique=True) for some in (group, about, near))
         if (self._step[group] > 1).any():  # what is about a wide patch may be the whole map
             is_about, is_near = np.zeros(len(number), bool), is_own
         step = max(1, -(-int(whole.joined.n_points[number[~is_near]].sum()) // self._most))
         part = part_of(whole, self._store, number, np.maximum(self._step[number], np.where(is_near, 1, step)))
-        ends = np.concatenate([whole.box_of(group, reach + TILE), windows - WINDOWS_REACH, windows + WINDOWS_REACH])
-        low, high = ends.min(axis=0) - LOOSE_REACH, ends.max(axis=0) + LOOSE_REACH
+        reach = LOOSE_REACH + (WINDOWS_REACH + OWNED if len(windows) else reach)
         rest = whole.rest[:0]
         if len(number) and (len(windows) or has_copies):
-            is_met = (self._boxes[:, :2] <= high[:2]).all(axis=1) & (self._boxes[:, 2:] >= low[:2]).all(axis=1)
-            rest = whole.rest[is_met[whole.rest[:, 0]]]
+            rest = whole.rest[np.isin(whole.rest[:, 0], self._tiles_near(*own, reach))]
         centres = None if beyond.centres is None else beyond.centres - whole.corner
         beyond = beyond._replace(centres=centres)
-        return partial(measure_part, part, is_own, is_about, step, rest, np.array([low, high]), self._settings, beyond)
+        return partial(measure_part, part, is_own, is_about, step, rest, reach, self._settings, beyond)
 
-    def _surroundings(self, group: Ints, reach: float) -> tuple[Ints, Ints]:
-        """Return the patches whose tiles may be evidence of a group's, and all that may be measured with these."""
+    def _patches_near(self, low: Floats, high: Floats, radius: float) -> Ints:
+        """Return the patches, ascending, whose boxes lie within `radius` of some boxes, by their corners (k, 3)."""
         whole = self._whole
-        low, high = whole.low[group], whole.high[group]
-        about = np.union1d(group, patches_near(whole, low, high, reach))
-        if not (self._step[group] > 1).any():
-            # The ground is about all of them: what lies on it far off is evidence of none.
-            low, high = (np.clip(each[about], *whole.box_of(group, reach + TILE)) for each in (whole.low, whole.high))
-        return about, patches_near(whole, low, high, max(self._settings.radius, LOOSE_REACH))
+        box, patch = self._plan.query(shapely.box(*(low[:, :2] - radius).T, *(high[:, :2] + radius).T))
+        gap = np.maximum(np.maximum(whole.low[patch] - high[box], low[box] - whole.high[patch]), 0.0)
+        return np.unique(patch[(gap * gap).sum(axis=1) <= radius * radius])
+
+    def _tiles_near(self, low: Floats, high: Floats, radius: float) -> Ints:
+        """Return the tiles whose boxes in the ground plan lie within `radius` of some boxes, along either axis."""
+        first, last = self._boxes[:, None, :2] - radius, self._boxes[:, None, 2:] + radius
+        return np.flatnonzero(np.any(np.all((low[:, :2] <= last) & (high[:, :2] >= first), axis=2), axis=1))
 
     def join(self, parts: list[PatchFeatures], up: list[float]) -> PatchFeatures:
         """Return the features of all patches and pairs; pairs that two groups measured are taken once."""
@@ -280,14 +288,3 @@ def measure_spreads(
             np.searchsorted(part.number, wanted).tolist(), copies, reach.tolist(), strict=True
         )
     ]
-
-
-def patches_near(whole: Whole, low: Floats, high: Floats, radius: float) -> Ints:
-    """Return the patches, ascending, whose boxes lie within `radius` of some boxes, by their corners (k, 3)."""
-    first, last = low.min(axis=0, initial=np.inf) - radius, high.max(axis=0, initial=-np.inf) + radius
-    some = np.flatnonzero((whole.low <= last).all(axis=1) & (whole.high >= first).all(axis=1))
-    is_near = np.zeros(len(some), bool)
-    for one, other in zip(low, high, strict=True):
-        gap = np.maximum(np.maximum(whole.low[some] - other, one - whole.high[some]), 0.0)
-        is_near |= (gap * gap).sum(axis=1) <= radius * radius
-    return some[is_near]
