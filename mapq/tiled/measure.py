@@ -2,7 +2,7 @@
 
 The points of these patches and of all that their measures depend on are loaded, whatever tiles they are in, and
 measured by the functions that measure a map in memory. Only patches larger than `LARGEST_PATCH`, such as the ground,
-are thinned. Such a wide patch is measured by itself, among others that are thinned; what is about the others ends some
+are thinned. Such a wide patch is measured by itself, among the largest others; what is about the others ends some
 metres from them, though the ground goes on.
 """
 
@@ -203,19 +203,29 @@ class Measuring:
         reach = ABOUT + SLACK + TILE if has_copies else 0.0
         about = np.union1d(group, self._patches_near(*own, ABOUT + SLACK if has_copies else 0.0))
         near = self._patches_near(*own, reach + max(self._settings.radius, LOOSE_REACH))
+        is_wide = bool((self._step[group] > 1).any())
+        if is_wide:  # what is about it may be the whole map
+            about, near = group[:0], np.union1d(group, self._largest(near))
         number = np.union1d(near, self._patches_near(windows, windows, WINDOWS_REACH + LOOSE_REACH))
         is_own, is_about, is_near = (np.isin(number, some, assume_unique=True) for some in (group, about, near))
-        if (self._step[group] > 1).any():  # what is about a wide patch may be the whole map
-            is_about, is_near = np.zeros(len(number), bool), is_own
-        step = max(1, -(-int(whole.joined.n_points[number[~is_near]].sum()) // self._most))
-        part = part_of(whole, self._store, number, np.maximum(self._step[number], np.where(is_near, 1, step)))
         reach = LOOSE_REACH + (WINDOWS_REACH + OWNED if len(windows) else reach)
         rest = whole.rest[:0]
         if len(number) and (len(windows) or has_copies):
             rest = whole.rest[np.isin(whole.rest[:, 0], self._tiles_near(*own, reach))]
+        n_thinned = int(whole.joined.n_points[number[~is_near]].sum())
+        if is_wide:
+            n_thinned += int((rest[:, 2] - rest[:, 1]).sum())
+        step = max(1, -(-n_thinned // self._most))
+        part = part_of(whole, self._store, number, np.maximum(self._step[number], np.where(is_near, 1, step)))
         centres = None if beyond.centres is None else beyond.centres - whole.corner
         beyond = beyond._replace(centres=centres)
         return partial(measure_part, part, is_own, is_about, step, rest, reach, self._settings, beyond)
+
+    def _largest(self, number: Ints) -> Ints:
+        """Return the largest of some patches, as many as a task has points for."""
+        n_points = (self._whole.joined.n_points // self._step)[number]
+        order = np.argsort(-n_points, kind="stable")
+        return number[order[np.cumsum(n_points[order]) <= self._most]]
 
     def _patches_near(self, low: Floats, high: Floats, radius: float) -> Ints:
         """Return the patches, ascending, whose boxes lie within `radius` of some boxes, by their corners (k, 3)."""
