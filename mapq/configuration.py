@@ -353,7 +353,7 @@ class TileSettings(Table):
     """How a map that outgrows memory is classified in tiles, and by whom (docs/scale.md), by classify."""
 
     tile_points: int = key(
-        2_500_000, "", "points of a tile, about; memory grows with it: half a gigabyte for these", "N", ge=10_000
+        2_500_000, "", "points of a tile, about; memory grows with it: 3 GB a worker for these", "N", ge=10_000
     )
     workers: int = key(1, "", "processes that work on tiles of the map side by side", "N", ge=1, le=1024)
     scheduler: str | None = key(None, "", "Dask scheduler for the tiles, tcp://HOST:8786", "ADDRESS")
