@@ -205,7 +205,7 @@ class Measuring:
         near = self._patches_near(*own, reach + max(self._settings.radius, LOOSE_REACH))
         is_wide = bool((self._step[group] > 1).any())
         if is_wide:  # what is about it may be the whole map
-            about, near = group[:0], np.union1d(group, self._largest(near))
+            about, near = group[:0], np.union1d(group, self._largest(np.setdiff1d(near, group)))
         number = np.union1d(near, self._patches_near(windows, windows, WINDOWS_REACH + LOOSE_REACH))
         is_own, is_about, is_near = (np.isin(number, some, assume_unique=True) for some in (group, about, near))
         reach = LOOSE_REACH + (WINDOWS_REACH + OWNED if len(windows) else reach)

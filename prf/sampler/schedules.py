@@ -22,7 +22,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,9 +46,6 @@ from prf.sampler.target import (
     with_map,
     without_image,
 )
-
-if TYPE_CHECKING:
-    pass
 
 TURN = 2000
 """Steps in one region, or between two on the whole window."""
