@@ -53,7 +53,7 @@ class _Handler(logging.Handler):
 
     def emit(self, record: logging.LogRecord) -> None:
         prefix = f"{record.levelname.lower()}: " if record.levelno >= logging.WARNING else ""
-        print(prefix + record.getMessage(), file=sys.stderr)
+        sys.stderr.write(prefix + record.getMessage() + "\n")  # at once: other threads write too
 
 
 def reset(command: str = "") -> None:
@@ -252,7 +252,8 @@ def _plain(total: float | None, description: str) -> Report:
         done, since = first
         left = (now - since) * ((total or 0.0) - completed) / (completed - done) if completed > done else None
         line = plain_line(description, completed, total, now - start, left, fields)
-        print(line, file=sys.stderr, flush=True)
+        sys.stderr.write(line + "\n")
+        sys.stderr.flush()
 
     return report
 

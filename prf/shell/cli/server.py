@@ -165,7 +165,8 @@ def running(server: PageServer, words: str, browser: bool = True) -> Iterator[No
     thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": LOOK}, daemon=True)
     thread.start()
     # The address is the result of starting, so that even -q shows it.
-    print(f"{words}: {server.url}{_way_there(server.server_port)}", file=sys.stderr, flush=True)
+    sys.stderr.write(f"{words}: {server.url}{_way_there(server.server_port)}\n")  # at once: other threads write too
+    sys.stderr.flush()
     try:
         with _shown(server.url, browser):
             yield
