@@ -222,7 +222,7 @@ class Measuring:
         return partial(measure_part, part, is_own, is_about, step, rest, reach, self._settings, beyond)
 
     def _largest(self, number: Ints) -> Ints:
-        """Return the largest of some patches, as many as a task has points for."""
+        """Return the largest of some patches (c,), as many as a task has points for."""
         n_points = (self._whole.joined.n_points // self._step)[number]
         order = np.argsort(-n_points, kind="stable")
         return number[order[np.cumsum(n_points[order]) <= self._most]]

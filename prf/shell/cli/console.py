@@ -253,7 +253,6 @@ def _plain(total: float | None, description: str) -> Report:
         left = (now - since) * ((total or 0.0) - completed) / (completed - done) if completed > done else None
         line = plain_line(description, completed, total, now - start, left, fields)
         sys.stderr.write(line + "\n")
-        sys.stderr.flush()
 
     return report
 

@@ -166,7 +166,6 @@ def running(server: PageServer, words: str, browser: bool = True) -> Iterator[No
     thread.start()
     # The address is the result of starting, so that even -q shows it.
     sys.stderr.write(f"{words}: {server.url}{_way_there(server.server_port)}\n")  # at once: other threads write too
-    sys.stderr.flush()
     try:
         with _shown(server.url, browser):
             yield
