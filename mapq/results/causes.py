@@ -145,11 +145,9 @@ def cause_of(spread: Spread, visits: Visits, apart: Floats, along: str = "") -> 
         return Cause(UNKNOWN, f"one {visits.unit} alone saw it", measures)
     by_visit, by_scan, thickness = (float(np.nan_to_num(x)) for x in (spread.visits, spread.scans, spread.points))
     several = {"scan": "scans", "pass": "passes"}.get(visits.unit, "moments")
-    low, metres, high = (float(x) for x in apart) if np.isfinite(apart[1]) else (LEAST, max(by_visit, by_scan), 0.0)
+    low, metres, high = (float(x) for x in apart) if np.isfinite(apart[1]) else (0.0, max(by_visit, by_scan), 0.0)
     if metres < LEAST:
         return Cause(UNKNOWN, f"{several} that see it agree within {max(high, LEAST):.2f} m", measures)
-    if low <= 0.0:
-        return Cause(UNKNOWN, f"{several} that see it lie {high:.2f} m apart at most, and may agree", measures)
     bounds = f" ({low:.2f} to {high:.2f})" if high else ""
     if max(by_visit, by_scan) < np.sqrt(2.0) * thickness:
         return Cause(UNKNOWN, f"within each {visits.unit} it spreads as far as from one to another", measures)

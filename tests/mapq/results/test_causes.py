@@ -141,11 +141,11 @@ def test_metres_are_those_of_the_spread_where_no_disagreement_is_known():
     ("apart", "kind", "words"),
     [
         ((0.2, 0.3, 0.4), MISSED_LOOP, "it lies 0.30 m (0.20 to 0.40) off"),
-        ((0.0, 0.3, 0.6), UNKNOWN, "lie 0.60 m apart at most, and may agree"),
+        ((0.0, 0.3, 0.6), MISSED_LOOP, "it lies 0.30 m (0.00 to 0.60) off"),
         ((0.0, 0.02, 0.07), UNKNOWN, "agree within 0.07 m"),
     ],
 )
-def test_a_cause_is_named_where_it_is_sure_that_scans_disagree(apart, kind, words):
+def test_a_cause_is_named_where_scans_disagree_with_bounds_of_the_metres(apart, kind, words):
     visits = visits_of(wall_of_two_laps(0.4, 0.0).cloud)
     cause = cause_of(Spread(1.9, 0.01, 0.01, 2, 4, (9, N_SCANS)), visits, np.array(apart))
     assert cause.kind == kind
