@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mapq.labels import NO_PATCH, UNLABELLED
-from mapq.picture import picture_of_points
+from mapq.picture import picture_of_cloud
 from prf.shell.cli.pictures import card
 
 SHIFT_ABOVE = 1e4
@@ -84,9 +83,8 @@ class PointCloud:
     def _repr_html_(self) -> str:
         """Return the card that a notebook shows."""
         facts = {"points": f"{len(self):,}", "fields": ", ".join(self.fields) or "none", "source": self.source}
-        nowhere, unknown = np.full(len(self), NO_PATCH, np.int32), np.full(len(self), UNLABELLED, np.uint8)
-        picture = picture_of_points(self.source or "arrays", self.metric_of(self.xyz), nowhere, unknown)
-        return card("Point cloud", facts, picture.png())
+        picture = picture_of_cloud(self.source or "arrays", self.metric_of(self.xyz))
+        return card(picture.title, facts, picture.png())
 
     def world(self) -> NDArray[np.float64]:
         """Return the coordinates (n, 3) as the file has them, in float64, to the last bit.

@@ -143,6 +143,13 @@ def box_of(inside: Floats, all_points: Floats) -> tuple[Floats, Floats]:
     return np.minimum(low, inside.min(axis=0)), np.maximum(high, inside.max(axis=0))
 
 
+def picture_of_cloud(name: str, xyz: Floats) -> Picture:
+    """Return the picture of points (n, 3), world coordinates in metres, of which nothing else is known."""
+    rgb = np.tile(np.array(UNLABELLED_RGB, np.float32), (len(xyz), 1))
+    words = f"{PurePath(name).name}  ·  {len(xyz):,} points"
+    return Picture(xyz, Scheme(rgb, np.zeros(len(xyz), np.uint8), ()), "Point cloud", words)
+
+
 def picture_of_points(
     name: str,
     xyz: Floats,

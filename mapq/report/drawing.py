@@ -14,7 +14,7 @@ from mapq.io.results import RESULT_FIELDS, patch_counts
 from mapq.io.tiles import thinned
 from mapq.labels import NO_PATCH, PLAUSIBLE, SUSPICIOUS, UNLABELLED
 from mapq.patches import Patches
-from mapq.picture import Colour, Picture, picture_of_points
+from mapq.picture import Colour, Picture, picture_of_cloud, picture_of_points
 from prf.shell.errors import InputError
 
 MARK = "suspicious"
@@ -28,9 +28,9 @@ def read_picture(
 ) -> Picture:
     """Read a result (one cloud, or a folder of tiles), a PATCHES file or a cloud, and colour its points.
 
-    `colour`: default: labels where there are any, those of points too, else patches. `field`: for colour ``field``: a
-    0/1 point field, 1 shown as suspicious. `options`: as for :func:`mapq.io.read_cloud`. Raises InputError if the file
-    has not what the colour needs.
+    `colour`: default: labels where there are any, those of points too, else patches, of a bare cloud none. `field`: for
+    colour ``field``: a 0/1 point field, 1 shown as suspicious. `options`: as for :func:`mapq.io.read_cloud`. Raises
+    InputError if the file has not what the colour needs.
     """
     found, counts, probability, verdict = read_map(path, options), None, None, ""
     if isinstance(found, Patches):
@@ -53,9 +53,11 @@ def read_picture(
     is_bare = probability is None and bool((patch == NO_PATCH).all())
     if colour is None and is_bare and MARK in cloud.fields:  # as in a map of mapq perturb
         colour, field = "field", MARK
+    xyz = cloud.metric_of(cloud.xyz)
+    if colour is None and isinstance(found, PointCloud):
+        return picture_of_cloud(path, xyz)
     if colour == "field":
         label = _marks(path, cloud, field)
-    xyz = cloud.metric_of(cloud.xyz)
     how: dict[str, Any] = {"colour": colour, "field": field or "", "counts": counts, "verdict": verdict}
     return picture_of_points(path, xyz, patch, label, probability, **how)
 

@@ -16,6 +16,7 @@ from mapq.picture import (
     axonometric,
     label_colours,
     patch_colours,
+    picture_of_cloud,
     probability_colours,
 )
 from prf.shell.errors import InputError
@@ -84,7 +85,8 @@ class TestPicture:
         xyz[stray] = 500.0
         widths = [np.ptp(each.draw(("plan",)).axes[0].get_xlim()) for each in (whole, whole._replace(xyz=xyz))]
         assert widths[1] == pytest.approx(widths[0], rel=0.05)
-        bare = Picture(xyz, patch_colours(np.full(len(xyz), NO_PATCH, np.int32)), "t", "s")
+        bare = picture_of_cloud("a/town.ply", xyz)
+        assert (bare.title, bare.subtitle) == ("Point cloud", f"town.ply  ·  {len(xyz):,} points")
         assert np.ptp(bare.draw(("plan",)).axes[0].get_xlim()) > 400.0
 
     def test_points_that_are_not_finite_are_left_out(self) -> None:

@@ -278,4 +278,5 @@ def small_copy(png: bytes) -> bytes:
         picture.quantize(32, kmeans=3, dither=Image.Dither.NONE).save(buffer, "png", optimize=True)
         if buffer.tell() <= LARGEST_COPY:
             return buffer.getvalue()
-        picture = picture.resize((picture.width * 9 // 10, picture.height * 9 // 10), Image.Resampling.LANCZOS)
+        less = min(0.9, math.sqrt(LARGEST_COPY / buffer.tell()))
+        picture = picture.resize((int(picture.width * less), int(picture.height * less)), Image.Resampling.LANCZOS)
