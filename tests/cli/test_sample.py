@@ -32,10 +32,10 @@ from prf.cli import main
 from prf.output.report import live
 from prf.shell.cli import console
 
-console.PLAIN_INTERVAL = live.EVERY = 0.0
+console.PLAIN_INTERVAL = live.EVERY = live.FAREWELL = 0.0
 main()
 """
-"""`prf`, with a line of progress and a new page as soon as there is one."""
+"""`prf`, with a line of progress and a new page as soon as there is one, that waits for no browser at its end."""
 RESULTS = ("draws.npz", "posterior.npz", "readings.npz", "map.geojson")
 
 

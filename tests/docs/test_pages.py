@@ -25,7 +25,7 @@ WITH_COMMANDS = {
     for page in [ROOT / "README.md", *DOCS]
     if "docs/reference" not in str(page) and commands_of(page, page.name)
 }
-QUICK = ("docs/configuration.md", "docs/labelling.md", "docs/report.md", "docs/segmentation.md")
+QUICK = ("docs/labelling.md", "docs/segmentation.md")
 """Pages whose commands `make test` runs; the others take longer."""
 COMMAND = re.compile(r"^(?: {4}|`)((?:prf|mapq) [a-z][^`]*?)`?$")
 LINK = re.compile(r"\]\(([^)#\s]*)(?:#([^)]+))?\)")

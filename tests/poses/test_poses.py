@@ -33,7 +33,7 @@ ROUND = np.linspace(0.0, 2.0 * np.pi, 40)
 TRUTH = np.column_stack([4.2 + 2.6 * np.cos(ROUND), 2.6 + 1.9 * np.sin(ROUND), ROUND + np.pi / 2])
 
 
-@pytest.mark.parametrize("noise", [(0.05, 0.01), (0.15, 0.03)])
+@pytest.mark.parametrize("noise", [(0.15, 0.03), pytest.param((0.05, 0.01), marks=pytest.mark.slow)])
 def test_disturbed_poses_of_a_room_are_found_again(noise):
     given = TRUTH + np.random.default_rng(3).normal(size=TRUTH.shape) * [noise[0], *noise]
     readings = readings_at(ROOM, TRUTH, given)

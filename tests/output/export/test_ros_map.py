@@ -201,9 +201,9 @@ def test_a_cell_of_a_radius_is_what_a_disc_there_is_asked_by_query(folder: Path,
     centres = pixel_centres(image_grid(run.draws.window, 0.4))
     known = run.draws.window.contains(centres) & run.image.seen_at(centres)
     np.testing.assert_array_equal(served == -1, ~known)
-    free = [path_free(run.draws, centre[None], radius) for centre in centres[known]]
+    free = [path_free(run.draws, centre[None], radius) for centre in centres[known][::5]]
     p = cells_of(read_source(folder), radius=radius, resolution=0.4).probability.ravel()[known]
-    np.testing.assert_allclose(p, 1.0 - np.array(free), atol=1e-12)
+    np.testing.assert_allclose(p[::5], 1.0 - np.array(free), atol=1e-12)
     np.testing.assert_array_equal(served[known], np.rint(100.0 * p))
     assert len(np.unique(served)) > 5
 
