@@ -6,10 +6,13 @@ import logging
 import os
 import shutil
 import signal
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from hypothesis import settings
+
+from prf.sampler import schedules
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -36,6 +39,15 @@ def _loggers_of_no_verb() -> None:
         logger.handlers.clear()
         logger.setLevel(logging.NOTSET)
         logger.propagate = True
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _early_regions(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Step in regions from the first step where the sampler is held to laws and to itself: those chains are short."""
+    with pytest.MonkeyPatch.context() as patch:
+        if request.path.parent.name in ("sampler", "statistical", "poses"):
+            patch.setattr(schedules, "WHOLE", 0)
+        yield
 
 
 @pytest.fixture(scope="session")

@@ -1,8 +1,9 @@
 """Schedules of a chain: which steps come next. The plain one, regions round returns left in doubt, temperature ladders.
 
-**Regions.** Every second turn of a chain is spent in a region round a target (:mod:`prf.sampler.aims`), drawn without a
-look at the map. The moves are confined to it for a number of steps (:mod:`prf.kernels.state.frozen`): given what lies
-outside they sample what lies inside, so that each leaves the posterior what it is.
+**Regions.** Once a map stands, every second turn of a chain is spent in a region round a target
+(:mod:`prf.sampler.aims`), drawn without a look at the map. The moves are confined to it for a number of steps
+(:mod:`prf.kernels.state.frozen`): given what lies outside they sample what lies inside, so that each leaves the
+posterior what it is.
 
 **Parallel tempering.** Beside a chain hot ones run, on which the likelihood counts less, and maps are swapped.
 Chain k of the temperature ladder has the target h exp(powers[k] (log likelihood - cost * occupied sensors)), where
@@ -47,6 +48,8 @@ from prf.sampler.target import (
     without_image,
 )
 
+WHOLE = 500_000
+"""Steps on the whole window before the first region: while walls are missing everywhere, regions hold them back."""
 TURN = 2000
 """Steps in one region, or between two on the whole window."""
 TURNS = 2
@@ -99,6 +102,8 @@ class Regions(Plain):
 
     def turn(self, step: int, stop: int, end: int) -> tuple[Steps, int]:
         """Return the turn on the window, or in a region, that `step` belongs to."""
+        if step < WHOLE:
+            return run_chain, min(stop, WHOLE)
         turn = step // TURN
         return run_chain if turn % TURNS == 0 else self.run_in_region, min(stop, (turn + 1) * TURN)
 

@@ -12,10 +12,10 @@ from prf.kernels import constants as c
 from prf.model.coloring import Coloring, violations
 from prf.model.layout import read_coloring
 from prf.model.window import Window
-from prf.sampler import Ensemble
+from prf.sampler import Ensemble, schedules
 from prf.sampler.aims import EVEN, NEVER, aim, target_of_beams, unexplained
 from prf.sampler.chain import ChainRun
-from prf.sampler.schedules import TURN, TURNS, Regions, has_regions
+from prf.sampler.schedules import TURN, TURNS, WHOLE, Regions, has_regions
 from prf.sampler.target import Execution, Target, make_chain, run_chain
 from prf.shell.cli.storage import spawn_generators
 from tests.driving import advance, find_starts, run_to
@@ -57,8 +57,9 @@ def test_what_lies_outside_of_a_region_stays(target: Target) -> None:
     assert changed > 3
 
 
-def test_turns_depend_on_the_step_alone(target: Target) -> None:
+def test_turns_depend_on_the_step_alone(target: Target, monkeypatch: pytest.MonkeyPatch) -> None:
     """Whoever stops between two turns finds the same map as who does not."""
+    monkeypatch.setattr(schedules, "WHOLE", TURN)
     ends = []
     for stops in ([TURN * TURNS * 2], range(TURN, TURN * TURNS * 2 + 1, TURN)):
         rng, chain = np.random.default_rng(5), make_chain(target, Coloring.empty(ROOM))
@@ -69,8 +70,12 @@ def test_turns_depend_on_the_step_alone(target: Target) -> None:
     assert np.array_equal(ends[0].xy, ends[1].xy)
 
 
-def test_where_there_are_no_regions(target: Target) -> None:
+def test_where_there_are_no_regions(target: Target, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(schedules, "WHOLE", WHOLE)
     chain = make_chain(target, Coloring.empty(ROOM))
+    regions = Regions(chain)
+    assert regions.turn(0, 10 * WHOLE, 0) == (run_chain, WHOLE)
+    assert regions.turn(WHOLE + TURN, 10 * WHOLE, 0) == (regions.run_in_region, WHOLE + 2 * TURN)
     assert has_regions(target, chain)
     assert not has_regions(target.with_execution(tiles=4), chain)
     bare = dataclasses.replace(target, laser=None)
