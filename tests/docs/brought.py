@@ -26,7 +26,7 @@ from tests.readings.samples import player_laser, position
 
 Floats = NDArray[np.float64]
 
-NO_INPUTS = ("-o", "--output", "--world")
+NO_INPUTS = ("-o", "--output")
 """Options whose values name no input file."""
 OFFICE = ROOT / "data" / "demo-office.log.gz"
 SONAR_REACH = 3.5
@@ -40,7 +40,8 @@ def bring(words: list[str], folder: Path, with_outputs: bool) -> None:
     """
     for before, word in pairwise(words):
         path = folder / word
-        if before in NO_INPUTS or word.startswith("-") or path.exists():
+        is_kind = before == "--world" and not path.suffix  # of world that is simulated
+        if before in NO_INPUTS or is_kind or word.startswith("-") or path.exists():
             continue
         for pattern, make in MAKERS:
             if re.fullmatch(pattern, word):
