@@ -237,9 +237,10 @@ class ChainRun:
         self.ground = None if is_cooled else prior_ground(target, self.chain)
         self.n_unexplained = np.zeros(len(self.chain.beams.ray))  # looks at which a return was left unexplained
         self.n_looks = 0.0
-        if target.tuning.first_new_log > 0 and len(self.chain.targets.cell) > 0:
+        goes_on = target.tuning.first_new_log > 0
+        if goes_on and len(self.chain.targets.cell) > 0:
             set_shares([self], even_shares(target, self.chain))
-        self.schedule: Plain = Regions(self.chain) if has_regions(target, self.chain) else Plain()
+        self.schedule: Plain = Regions(self.chain, goes_on) if has_regions(target, self.chain) else Plain()
         if target.poses is not None:
             self.schedule = PoseTurns(target, self.chain, self.schedule)
 

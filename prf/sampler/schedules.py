@@ -92,9 +92,10 @@ class Plain:
 
 
 class Regions(Plain):
-    """Turns on the whole window and in regions round targets."""
+    """Turns on the whole window and in regions round targets; no regions at first, unless the map stands already."""
 
-    def __init__(self, chain: Chain) -> None:
+    def __init__(self, chain: Chain, stands: bool = False) -> None:
+        self.first = 0 if stands else WHOLE
         self.half = (NEAR + MARGIN) * chain.targets.grid.cell
         self._move_probabilities = chain.move_probabilities.copy()
         self._move_probabilities[list(LEFT_OUT)] = 0.0
@@ -102,8 +103,8 @@ class Regions(Plain):
 
     def turn(self, step: int, stop: int, end: int) -> tuple[Steps, int]:
         """Return the turn on the window, or in a region, that `step` belongs to."""
-        if step < WHOLE:
-            return run_chain, min(stop, WHOLE)
+        if step < self.first:
+            return run_chain, min(stop, self.first)
         turn = step // TURN
         return run_chain if turn % TURNS == 0 else self.run_in_region, min(stop, (turn + 1) * TURN)
 

@@ -76,6 +76,8 @@ def test_where_there_are_no_regions(target: Target, monkeypatch: pytest.MonkeyPa
     regions = Regions(chain)
     assert regions.turn(0, 10 * WHOLE, 0) == (run_chain, WHOLE)
     assert regions.turn(WHOLE + TURN, 10 * WHOLE, 0) == (regions.run_in_region, WHOLE + 2 * TURN)
+    again = Regions(chain, stands=True)
+    assert again.turn(TURN, 10 * WHOLE, 0) == (again.run_in_region, 2 * TURN)
     assert has_regions(target, chain)
     assert not has_regions(target.with_execution(tiles=4), chain)
     bare = dataclasses.replace(target, laser=None)
