@@ -25,10 +25,14 @@ FILES = {
 }
 FEW = "--steps 2000 --chains 2 --resolution 1 --seed 1"
 COMMANDS = {
-    "laser": (f"sample --laser laser.csv {FEW} --set thinning.beam_density=1 -o run",),
+    "laser": (
+        f"sample --laser laser.csv {FEW} --set thinning.beam_density=1 -o run",
+        f"sample --extend run --laser laser.csv {FEW} -o longer",
+    ),
     "sonar": (f"sample --sonar sonar.csv --window 3 5 8 9 {FEW} -o echoes",),
     "poses": (
         f"sample --laser laser.csv --pose-noise 0.05 0.01 {FEW} -o drive",
+        f"sample --extend drive --laser laser.csv {FEW} -o farther",
         f"sample --laser drive.log --odometry wheels {FEW} -o loop",
     ),
     "walls": (f"sample --laser laser.csv --prior walls {FEW} -o walls",),
@@ -51,7 +55,7 @@ COMMANDS = {
         "score grid.npz --sonar sonar.csv",
     ),
 }
-"""Kind of job to calls of `prf` that between them call every kernel it needs."""
+"""Kind of job to calls of `prf` that between them call every kernel it needs: those that extend a run, of regions."""
 
 
 def warm(
