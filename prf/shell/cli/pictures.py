@@ -275,8 +275,8 @@ def small_copy(png: bytes) -> bytes:
     picture.thumbnail((960, 960))
     while True:
         buffer = io.BytesIO()
-        picture.quantize(32, kmeans=3, dither=Image.Dither.NONE).save(buffer, "png", optimize=True)
+        picture.quantize(32, kmeans=1000, dither=Image.Dither.NONE).save(buffer, "png", optimize=True)
         if buffer.tell() <= LARGEST_COPY:
             return buffer.getvalue()
-        less = min(0.9, math.sqrt(LARGEST_COPY / buffer.tell()))
+        less = min(0.75, LARGEST_COPY / buffer.tell())
         picture = picture.resize((int(picture.width * less), int(picture.height * less)), Image.Resampling.LANCZOS)
