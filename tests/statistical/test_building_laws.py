@@ -112,12 +112,6 @@ def test_the_chain_has_the_law_of_exact_draws(name: str) -> None:
     assert np.abs(scores).max() < 4.5, scores
 
 
-@pytest.mark.parametrize("name", ["both"])
-def test_a_short_chain_has_the_law_of_exact_draws(name: str) -> None:
-    scores = scores_of_chain(name, 4000, 600)
-    assert np.abs(scores).max() < 4.5, scores
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("is_right", [True, False], ids=["right", "control"])
 def test_directions_without_their_normaliser_are_caught(is_right: bool) -> None:
