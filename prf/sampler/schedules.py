@@ -49,7 +49,7 @@ from prf.sampler.target import (
 )
 
 WHOLE = 500_000
-"""Steps on the whole window before the first region: while walls are missing everywhere, regions hold them back."""
+"""Steps on the whole window before the first region: while walls are missing everywhere, regions hold a chain back."""
 TURN = 2000
 """Steps in one region, or between two on the whole window."""
 TURNS = 2
@@ -95,7 +95,7 @@ class Regions(Plain):
     """Turns on the whole window and in regions round targets; no regions at first, unless the map stands already."""
 
     def __init__(self, chain: Chain, stands: bool = False) -> None:
-        self.first = 0 if stands else WHOLE
+        self.whole_until = 0 if stands else WHOLE
         self.half = (NEAR + MARGIN) * chain.targets.grid.cell
         self._move_probabilities = chain.move_probabilities.copy()
         self._move_probabilities[list(LEFT_OUT)] = 0.0
@@ -103,8 +103,8 @@ class Regions(Plain):
 
     def turn(self, step: int, stop: int, end: int) -> tuple[Steps, int]:
         """Return the turn on the window, or in a region, that `step` belongs to."""
-        if step < self.first:
-            return run_chain, min(stop, self.first)
+        if step < self.whole_until:
+            return run_chain, min(stop, self.whole_until)
         turn = step // TURN
         return run_chain if turn % TURNS == 0 else self.run_in_region, min(stop, (turn + 1) * TURN)
 

@@ -40,7 +40,7 @@ def bring(words: list[str], folder: Path, with_outputs: bool) -> None:
     """
     for before, word in pairwise(words):
         path = folder / word
-        is_kind = before == "--world" and not path.suffix  # of world that is simulated
+        is_kind = before == "--world" and not path.suffix  # of a simulated world, no file
         if before in NO_INPUTS or is_kind or word.startswith("-") or path.exists():
             continue
         for pattern, make in MAKERS:
