@@ -207,8 +207,14 @@ def on_the_way(chain: Chain, radius: float = RADIUS + STRAIGHT) -> int:
 
 
 @LENGTHS
-@pytest.mark.parametrize("cell", [0.31, 1.0, pytest.param(7.0, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("with_laser", [False, True], ids=["prior", "laser"])
+@pytest.mark.parametrize(
+    ("with_laser", "cell"),
+    [
+        pytest.param(False, 1.0, id="prior"),
+        pytest.param(True, 0.31, id="laser"),
+        *(pytest.param(*case, marks=SLOW) for case in ((False, 0.31), (False, 7.0), (True, 1.0), (True, 7.0))),
+    ],
+)
 def test_twins_agree_when_edges_may_come_near_the_way(with_laser: bool, cell: float, share: float) -> None:
     """From a draw of the prior, where they do; sensors may stand in black, too."""
     target = dataclasses.replace(world_target(1, cell), way=WAY, driven_radius=RADIUS, tuning=Tuning(aimed_share=0.0))
@@ -305,9 +311,13 @@ def test_twins_agree_on_sonar(at_truth: bool, with_laser: bool) -> None:
 
 
 @pytest.mark.parametrize(
-    "cell", [pytest.param(None, marks=pytest.mark.slow), 0.23, 7.0], ids=["chosen", "small", "large"]
+    ("view", "cell"),
+    [
+        pytest.param(0.02, 7.0, id="1 degree"),
+        pytest.param(2.9, 0.23, id="170 degrees"),
+        *(pytest.param(*case, marks=SLOW) for case in ((0.02, 0.23), (2.9, 7.0), (0.02, None), (2.9, None))),
+    ],
 )
-@pytest.mark.parametrize("view", [0.02, 2.9], ids=["1 degree", "170 degrees"])
 def test_twins_agree_on_sonar_whatever_cells_and_cones(view: float, cell: float | None) -> None:
     """The cells that a chain would choose are the smallest, and their twins take longest."""
     _, n_accepted = follow(sonar_chain(12, True, False, view, cell), np.random.default_rng(12), 300)

@@ -3,6 +3,7 @@
 `make test` runs it before pytest, so that the workers of pytest-xdist find machine code instead of compiling the same
 code side by side. The loop of the sampler alone takes as long to compile as everything else, so all that calls it has
 a process of its own: ``python -m tests.warm_kernels chain`` or ``rest``. No kernel that takes long is called by both.
+The tests themselves are collected meanwhile, which leaves their bytecode to both workers.
 Prints one JSON object: cache hits and misses of each kernel that was called from Python.
 """
 
@@ -106,6 +107,7 @@ def warm_side_by_side() -> dict[str, tuple[int, int]]:
     """Call the kernels of each part in a process of its own."""
     commands = [[sys.executable, "-m", "tests.warm_kernels", part] for part in ("chain", "rest")]
     processes = [subprocess.Popen(command, stdout=subprocess.PIPE) for command in commands]
+    subprocess.run([sys.executable, "-m", "pytest", "--collect-only", "-q"], stdout=subprocess.DEVNULL, check=False)
     printed = [process.communicate()[0] for process in processes]
     if any(process.returncode for process in processes):
         raise SystemExit("error: commands failed, see above")

@@ -137,17 +137,20 @@ def jittering(folder: Path, jitter: float = JITTER, turned: float = 0.05) -> dic
     }
 
 
-def test_poses_that_jitter_are_found_alike_in_every_format_and_the_command_has_numbers(capsys, tmp_path):
-    for kind, files in jittering(tmp_path).items():
-        code, out, err = run(capsys, *files, "--json")
-        assert (code, err) == (0, ""), kind
-        found = json.loads(out)
-        of_poses = [each["code"] for each in found["suspicions"] if each["code"].startswith("pose")]
-        assert of_poses == ["pose-error"], kind
-        metres, radians = found["pose_error"]
-        assert metres == pytest.approx(JITTER, rel=0.2)
-        assert f"--pose-noise {metres:.2g} {radians:.2g}" in found["command"]
-        assert found["command"].startswith(f"prf sample --laser {files[0]} ")
+@pytest.mark.parametrize(
+    "kind", ["log", "texts", *(pytest.param(kind, marks=pytest.mark.slow) for kind in ("csv", "bag"))]
+)
+def test_poses_that_jitter_are_found_in_every_format_and_the_command_has_numbers(kind, capsys, tmp_path):
+    files = jittering(tmp_path)[kind]
+    code, out, err = run(capsys, *files, "--json")
+    assert (code, err) == (0, "")
+    found = json.loads(out)
+    of_poses = [each["code"] for each in found["suspicions"] if each["code"].startswith("pose")]
+    assert of_poses == ["pose-error"]
+    metres, radians = found["pose_error"]
+    assert metres == pytest.approx(JITTER, rel=0.2)
+    assert f"--pose-noise {metres:.2g} {radians:.2g}" in found["command"]
+    assert found["command"].startswith(f"prf sample --laser {files[0]} ")
 
 
 def test_good_poses_are_mapped_as_given_and_sampled_by_a_command_of_its_own(capsys, tmp_path):

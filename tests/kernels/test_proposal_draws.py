@@ -384,7 +384,7 @@ def densities(lab: Lab, move: int, start: Chain, end: Chain) -> tuple[float, flo
     return drawn, math.exp(log_proposal_density(move, x, y, lab.plan)) / lab.plan.move_probabilities[move]
 
 
-LONG = (c.TRIANGLE_BIRTH, c.BOX_BIRTH)
+LONG = (c.TRIANGLE_BIRTH, c.BOX_BIRTH, c.CUT_WALL, c.JOIN_WALL, c.NOTCH)
 """Moves with many numbers to differentiate by."""
 
 
