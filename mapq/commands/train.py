@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mapq.configuration import Configuration, sources_of
+from mapq.configuration import Configuration, TrainSettings, sources_of
 from prf.shell.cli.console import is_verbose
 from prf.shell.cli.options import Force, Json, Output, with_settings
 from prf.shell.cli.settings import Loaded
@@ -28,7 +28,9 @@ SCORES = ("accuracy", "precision", "recall", "mcc", "auc", "ece")
 MORE_SCORES = ("balanced_accuracy", "f1", "log_loss")
 
 
-@with_settings(Configuration, "features", "crf")
+@with_settings(
+    Configuration, "features", *(f"crf.{name}" for name in TrainSettings.model_fields if name != "tolerance")
+)
 def train(
     patches: Annotated[list[str], typer.Argument(metavar="PATCHES...", help="Labelled patches, from mapq label.")],
     *,

@@ -44,7 +44,7 @@ Laser = Annotated[bool, typer.Option("--laser/--no-laser", help="Write laser.log
 Sonar = Annotated[bool, typer.Option("--sonar", help="Write sonar.csv.gz, of a ring of 16 transducers.")]
 
 
-@with_settings(Configuration, "simulate", "trajectory")
+@with_settings(Configuration, "simulate", "trajectory.pose_noise", "trajectory.odometry", "trajectory.odometry_noise")
 def simulate(
     *,
     world: World = "office",
@@ -82,6 +82,8 @@ def simulate(
     claim(output)
     refuse_absent_sensor(settings.sources, laser, sonar)
     errors = settings.settings.trajectory
+    if errors.pose_noise == "auto":
+        raise UsageError("--pose-noise auto: there are no scans to judge by yet. Give METRES RADIANS.")
     options = {"size": size, "scale": scale, "path": path, "readings": readings, "pose_noise": errors.pose_noise}
     config = config_of(settings.settings.simulate, world, laser, sonar, odometry_noise=errors.step_noise, **options)
     with progress(1.0, "casting beams") as bar:

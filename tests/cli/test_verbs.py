@@ -188,6 +188,7 @@ CASES = (
     (f"prf anneal {LASER} --steps 1 --time-budget 1", 2, "one of them"),
     (f"prf anneal {LASER} -o - --json", 2, "standard output"),
     (f"prf anneal {LASER} --set sampler.temperatures=3", 2, "--set sampler.temperatures: not read here"),
+    ("prf simulate --size 5 4 --pose-noise auto -o out", 2, "Give METRES RADIANS"),
     (f"prf calibrate {SONAR}", 2, "--map"),
     (FIT, 2, "--sonar"),
     (f"{FIT} {SONAR} --set sonar.max_range=-1", 2, "sonar.max_range"),
@@ -246,6 +247,7 @@ CASES = (
     ("mapq features walls.patches --set features.context=['colour']", 2, "features.context"),
     ("mapq render cloud.ply -o out.txt", 2, "out.txt"),
     ("mapq segment cloud.ply -o out.patches --set crf.folds=3", 2, "not read here"),
+    ("mapq train walls.patches --set crf.tolerance=0.1", 2, "not read here"),
     ("mapq segment -", 2, "Name the output with -o"),
     ("mapq segment cloud.ply --surfaces round -o out.patches", 2, "--surfaces = "),
     *(
