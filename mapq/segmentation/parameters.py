@@ -12,6 +12,7 @@ from mapq.configuration import SegmentSettings
 from mapq.kernels.cells import LEVELS, pick_one_a_cell
 from mapq.patches import STEEP
 from mapq.segmentation.points import LARGE_SAMPLE, SAMPLE, Points, Sample, look_at, usual_noise
+from prf.shell.errors import InputError
 
 ENOUGH_FLAT, FEW_LINES, NEARLY_BEST = 0.5, 0.05, 0.9
 """Shares of neighbourhoods: with so many that show a plane and so few that are too narrow no coarser level is looked
@@ -23,6 +24,8 @@ COARSEST = 8.0
 a scanner may be the square of this times as far apart as the points along them."""
 MARGIN = 15.0
 """Degrees by which a neighbourhood may be farther from vertical than upright planes, to count as theirs."""
+FARTHEST_APART = 5.0
+"""Metres between points from which on a cloud is in another unit: nobody judges surfaces by points so far apart."""
 ENOUGH = 100
 """Flat neighbourhoods of the sample from which on they alone determine spacing and noise."""
 
@@ -183,6 +186,15 @@ def choose_parameters(points: Points, settings: SegmentSettings, quarter: int) -
         surfaces=settings.surfaces,
         up=np.asarray(settings.up, np.float64) / float(np.linalg.norm(settings.up)),
     )
+
+
+def refuse_other_unit(chosen: Parameters, name: str) -> None:
+    """Raise InputError if the points of a cloud of this name are too far apart to be in metres."""
+    if chosen.spacing > FARTHEST_APART:
+        raise InputError(
+            f"{name}: its points are {chosen.spacing:.3g} m apart, too far to show surfaces. If they are in another "
+            "unit, give it: --unit mm, cm or ft."
+        )
 
 
 def _given(value: float | None, estimate: float) -> float:

@@ -28,7 +28,7 @@ from mapq.results import visits
 from mapq.results.result import Origin, Result, Seen
 from mapq.results.verdict import tolerance_of
 from mapq.segmentation import FEWEST_POINTS, warnings_of
-from mapq.segmentation.parameters import Parameters, choose_parameters
+from mapq.segmentation.parameters import Parameters, choose_parameters, refuse_other_unit
 from mapq.segmentation.points import FAR, sort_points
 from mapq.tiled.cut import Whole, cut_tile, unite
 from mapq.tiled.measure import Measuring
@@ -211,6 +211,7 @@ def _estimate(
     if len(points.xyz) < FEWEST_POINTS:
         raise InputError(f"{name}: {len(points.xyz)} distinct points; a plane needs {FEWEST_POINTS}.")
     chosen = choose_parameters(points, settings, quarter)
+    refuse_other_unit(chosen, name)
     low, high = box = plan.box(quarter)
     if float((high - low).max()) >= MOST_SPACINGS * chosen.spacing:
         middle = np.quantile(sample, (0.01, 0.99), axis=0)
