@@ -104,8 +104,13 @@ def _summary(found: Inputs, kind: Kind | None, config: Configuration) -> LogSumm
     assert found.log is not None
     summary, errors = describe(readings, found.log), None
     suspicions = list(summary.suspicions)
+    codes = {each.code for each in suspicions}
+    if not codes.isdisjoint(WRONG_UNITS):
+        return summary
     if summary.kind == "laser" and not _is_nan(summary.max_range):
         errors = given_errors(readings.within(summary.max_range), Configuration().laser.noise)
+    if "angle" in codes and errors is not None and errors.advice():
+        return summary  # scans that disagree and directions of many turns: degrees, with which nothing can be mapped
     flags, sampled = ("--odometry wheels" if is_raw or found.poses is None is not found.odometry else ""), ""
     if errors is not None:
         advice = errors.advice(flags)
@@ -114,8 +119,7 @@ def _summary(found: Inputs, kind: Kind | None, config: Configuration) -> LogSumm
         summary = dataclasses.replace(summary, pose_error=(errors.metres, errors.radians))
     typed = "".join(f" --{name} {value}" for name in ("topic", "frame") if (value := getattr(config.readings, name)))
     command, poses_too = (found.command(kind=summary.kind, flags=(each + typed).strip()) for each in (flags, sampled))
-    is_hopeless = any(each.code in WRONG_UNITS for each in suspicions)
-    command, poses_too = "" if is_hopeless else command, poses_too if sampled and not is_hopeless else ""
+    poses_too = poses_too if sampled else ""
     return dataclasses.replace(summary, suspicions=tuple(suspicions), command=command, command_poses=poses_too)
 
 

@@ -20,6 +20,7 @@ from prf.readings.steps import devices_of, jitter_of
 from prf.shell.errors import ConfigError
 
 MOST_SCANS = 250  # of a log that are compared, evenly
+MANY_SCANS = 200  # of a log, from which on that takes seconds
 FEWEST_SCANS = 8
 FIRST = (0.1, 0.03)  # m, rad: errors that are looked for at first; ...
 MOST_ROUNDS = 4  # ... larger ones pull the poses back to where they are given, until that is seen
@@ -94,6 +95,8 @@ def given_errors(laser: Readings, noise: float) -> PoseErrors | None:
     if len(scans) < FEWEST_SCANS:
         return None
     chosen = laser.select(np.isin(laser.scan, scans[:: 1 + len(scans) // MOST_SCANS]))
+    if len(scans) >= MANY_SCANS:
+        logger.info(f"comparing scans of {laser.source}, to see how far poses err ...")
     held, found = np.array(FIRST), np.zeros(2)
     for _ in range(MOST_ROUNDS):
         model = pose_model(chosen, None, held.tolist())

@@ -88,7 +88,8 @@ def _with_directions(found: Inputs, ranges: Ranges, poses: PoseFile | None) -> I
     n = len(ranges.ranges)
     if poses is not None and len(poses.poses) != n and poses.times is None:
         counts = f"{found.log} has {n} scans, {found.poses or found.odometry} {len(poses.poses)} poses"
-        return found._replace(missing=f"poses: {counts}, which is not one each. Give {WANTED_POSES}")
+        missing = f"poses: {counts}, which is not one each; is a file cut off? Give {WANTED_POSES}"
+        return found._replace(missing=missing, poses=None, odometry=None)
     if ranges.direction is None:
         plane = None
         if poses is not None and len(poses.poses) == n:

@@ -232,10 +232,10 @@ class Trajectory:
         return f"slipped or was carried {'; '.join(parts)}{more}" if rows else ""
 
     def closures_in_words(self) -> str:
-        """Return which loops it is open of whether they close, and the probability of each; empty where none."""
+        """Return which loops it is open of whether they close, and in how many draws each does; empty where none."""
         return "; ".join(
             f"whether scans {earlier} and {later} saw the same place, ({row['x']:.1f}, {row['y']:.1f}): "
-            f"probability {row['probability']:.2f}"
+            f"{_share_in_words(row['probability'])}"
             for row in self.closure_rows()
             for earlier, later in [row["scans"]]
         )
@@ -314,3 +314,10 @@ def pose_functionals(poses: Floats, given: Floats) -> dict[str, Floats]:
         found |= {f"pose_{i}_x": offset[..., i, 0], f"pose_{i}_y": offset[..., i, 1]}
         found[f"pose_{i}_heading"] = wrapped(offset[..., i, 2])
     return found
+
+
+def _share_in_words(share: float) -> str:
+    """Return in how many draws a loop closes: chains that all started one way do not show that it is the right one."""
+    if 0.005 <= share < 0.995:
+        return f"probability {share:.2f}"
+    return f"in {'all draws' if share > 0.5 else 'no draw'}, as all chains started"

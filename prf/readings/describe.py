@@ -249,7 +249,7 @@ def _angles(readings: Readings) -> Iterator[Suspicion]:
     largest = float(np.abs(turned).max(initial=0.0))
     are_whole = len(turned) > 0 and float(np.mean(turned == np.round(turned))) > 0.5
     if largest > MAX_ANGLE or (largest > 2 * np.pi and are_whole):
-        yield Suspicion("angle", f"directions reach {largest:g} rad: are they in degrees?")
+        yield Suspicion("angle", f"directions reach {largest:g} rad: are they in degrees? Save them in radians")
 
 
 def _dropped(readings: Readings) -> Iterator[Suspicion]:

@@ -153,6 +153,28 @@ def test_poses_that_jitter_are_found_in_every_format_and_the_command_has_numbers
     assert found["command"].startswith(f"prf sample --laser {files[0]} ")
 
 
+def test_headings_in_degrees_are_named_and_nothing_is_advised(capsys, tmp_path):
+    table = Path(jittering(tmp_path, 0.01, 0.005)["csv"][0])
+    header, *rows = table.read_text().splitlines()
+    at = header.split(",").index("theta")
+    words = [row.split(",") for row in rows]
+    degrees = [[*row[:at], str(np.degrees(float(row[at]))), *row[at + 1 :]] for row in words]
+    table.write_text("\n".join([header, *map(",".join, degrees)]))
+    out = run(capsys, str(table))[1]
+    assert "are they in degrees? Save them in radians" in out
+    assert "pose error" not in out
+    assert "map it" not in out
+
+
+def test_a_file_of_poses_that_is_cut_off_is_not_named_in_the_next_command(capsys, tmp_path):
+    ranges, poses = jittering(tmp_path)["texts"]
+    np.savetxt(poses, np.loadtxt(poses)[:-1])
+    out = run(capsys, ranges, poses)[1]
+    assert "90 scans" in out
+    assert "89 poses, which is not one each; is a file cut off?" in out
+    assert f"then            prf info {ranges} --poses POSES" in out
+
+
 def test_good_poses_are_mapped_as_given_and_sampled_by_a_command_of_its_own(capsys, tmp_path):
     ranges, poses = jittering(tmp_path, 0.06, 0.005)["texts"]
     odometry = str(tmp_path / "odom.txt")

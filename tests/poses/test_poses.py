@@ -483,6 +483,7 @@ def test_slips_and_loops_in_dispute_are_named(drawn: Trajectory) -> None:
     np.testing.assert_allclose(open_.closed, [1.0, 0.0], atol=0.01)
     assert "known to" not in open_.words()
     assert f"whether scans {drawn.scan[0]} and {drawn.scan[3]} saw the same place" in open_.words()
+    assert "in all draws, as all chains started" in open_.words()
 
 
 def test_functionals_name_first_middle_and_last_pose(drawn: Trajectory) -> None:

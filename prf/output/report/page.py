@@ -189,7 +189,7 @@ def _outlook(diagnosed: Mapping[str, Any]) -> str:
         return "; more time alone will not help"
     seconds = diagnosed.get("suggested_seconds")
     least = diagnosed.get("suggested_least", seconds)
-    return f"; {range_words(least, seconds)} more would bring agreement" if seconds else ""
+    return f"; {range_words(least, seconds)} more may bring agreement" if seconds else ""
 
 
 def trajectory_line(run: RunData) -> str:

@@ -221,7 +221,7 @@ def _of_quaternions(values: Floats, where: Sequence[str], path: str, order: Orde
     if order is None and as_xyzw[:, 2, 2].min() < TILTED and as_wxyz[:, 2, 2].min() > UPRIGHT:
         raise InputError(
             f"{path}: read as tx ty tz qx qy qz qw sensors lie on their side or hang upside down; as tx ty tz qw qx qy "
-            f"qz all stand upright. Choose with {key}=wxyz or xyzw."
+            f"qz all stand upright. Choose with --set {key}=wxyz or xyzw."
         )
     return rigid(as_wxyz if order == "wxyz" else as_xyzw, values[:, :3])
 

@@ -97,7 +97,7 @@ def test_places_where_chains_differ_and_what_would_help_are_in_the_second_senten
     write_report(str(tmp_path / "r.html"), run)
     page = (tmp_path / "r.html").read_text()
     assert "and differ most at" in page
-    assert "(−2.1, 9,995.4)</button></span>; about 5 minutes more would bring agreement." in page
+    assert "(−2.1, 9,995.4)</button></span>; about 5 minutes more may bring agreement." in page
     assert page.index("<td>colour</td>") < page.index("<td>n_edges</td><td>1.400</td><td>8</td><td>seen</td>")
     write_report(str(tmp_path / "f.html"), dataclasses.replace(run, diagnostics={**diagnostics, "trend": "flat"}))
     assert "; more time alone will not help." in (tmp_path / "f.html").read_text()
