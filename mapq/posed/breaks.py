@@ -67,9 +67,15 @@ class Breaks(NamedTuple):
 
 
 def breaks_of(poses: CheckedPoses) -> Breaks:
-    """Return where the motions of scans break."""
+    """Return where the motions of scans break.
+
+    Where some scans are probably wrong, none but these is off by itself: of others it is the map that bends.
+    """
     twist = twists(poses.motion, poses.places) * np.repeat([1.0, LEVER], 3)
-    like = _like(twist)
+    like, every = _like(twist), np.arange(len(twist))
+    wrong = [row.scan for row in poses.scans if row.p_wrong > WRONG]
+    if wrong:
+        like = np.where(np.isin(every, wrong), like, every)
     steps = np.linalg.norm(np.diff(twist[like], axis=0), axis=1)
     limit = max(OFF, ABRUPT * float(np.median(steps))) if len(steps) else OFF
     jumps = np.flatnonzero(steps > limit) if poses.drift is None else np.zeros(0, np.int64)

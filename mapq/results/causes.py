@@ -42,6 +42,8 @@ CLEARLY = np.sqrt(2.0)
 """Factor by which visits must disagree more than scans of one visit, whose errors separate visits a little too."""
 CLEAR = 0.1
 """Metres by which motions must part scans that see a patch, or else its own points must."""
+EXPLAINED = 0.5
+"""Share of the lower bound of what scans disagree by, from which a single scan or a jump explains it."""
 BESIDE = 2
 """Scans before and after those that see a patch, that may see it too."""
 FEWEST = 5
@@ -107,7 +109,7 @@ def find_causes(
             points, start = patches.members
             normals = _over(patches, patch, points[start[patch] : start[patch + 1]])[2]
             place = patches.centroid[patch], normals[:: 1 + len(normals) // MOST_NORMALS]
-            found[patch] = scans.cause_of(spread, *place, float(apart[patch, 1]), along)
+            found[patch] = scans.cause_of(spread, *place, apart[patch], along)
     return found
 
 
@@ -185,16 +187,17 @@ class _ScanMotions(NamedTuple):
         number[visits.moment[rows]] = patches.cloud.fields["scan"][rows]
         return cls(breaks_of(poses), number)
 
-    def cause_of(self, spread: Spread, at: Floats, normals: Floats, apart: float, along: str = "") -> Cause:
-        """Return the cause that motions show at a place (3) of a patch, whose scans disagree by `apart` metres.
+    def cause_of(self, spread: Spread, at: Floats, normals: Floats, apart: Floats, along: str = "") -> Cause:
+        """Return the cause that motions show at a place (3) of a patch.
 
-        Along that of its normals (k, 3) by which scans are farthest apart.
+        Along that of its normals (k, 3) by which scans are farthest apart. `apart` (3,): lower bound, value and upper
+        bound of what they disagree by.
         """
         scans = self.number[list(spread.seen)]
         ranges = [float(np.ptp(self.breaks.offsets(scans, at, each))) if len(scans) else 0.0 for each in normals]
         normal = normals[int(np.argmax(ranges))]
         offset = self.breaks.offsets(scans, at, normal)
-        if len(scans) and np.ptp(offset) < CLEAR and apart > LEAST:
+        if len(scans) and np.ptp(offset) < CLEAR and apart[1] > LEAST:
             # What other scans have of it may lie in no patch: then those beside the ones that see it are asked too.
             near = np.unique(scans[:, None] + np.arange(-BESIDE, BESIDE + 1))
             scans = near[(near >= 0) & (near < len(self.breaks.motion))]
@@ -202,12 +205,13 @@ class _ScanMotions(NamedTuple):
         if not len(scans):
             return Cause(UNKNOWN, "no scan is known to have seen it", {})
         one, other = sorted((int(scans[np.argmin(offset)]), int(scans[np.argmax(offset)])))
-        return self._named(one, other, self.breaks.split(one, other, at, normal), moved_by(spread), along)
+        parts, least = self.breaks.split(one, other, at, normal), float(np.nan_to_num(apart[0]))
+        return self._named(one, other, parts, moved_by(spread), least, along)
 
-    def _named(self, one: int, other: int, parts: Parts, moved: float, along: str) -> Cause:
+    def _named(self, one: int, other: int, parts: Parts, moved: float, least: float, along: str) -> Cause:
         """Return the cause of the largest of the parts that put two scans apart.
 
-        `moved`: metres by which the surface itself lies apart, from scan to scan.
+        `moved`: metres by which the surface itself lies apart, from scan to scan; `least`: that scans disagree by.
         """
         alone = int(np.argmax(np.abs(parts.alone)))
         by_scan, by_jump, by_drift = (abs(x) for x in (parts.alone[alone], parts.jump, parts.drift))
@@ -216,9 +220,11 @@ class _ScanMotions(NamedTuple):
         if metres < CLEAR <= moved:
             text = f"scans put it {moved:.2f} m apart, and their poses agree there within {metres:.2f} m"
             return Cause(MOVED, text, measures | {"moved_m": moved})
-        if metres < CLEAR:
-            return Cause(UNKNOWN, f"the motions of scans {one} and {other} put it {metres:.2f} m apart only", measures)
-        edge = self.breaks.edge_over(one, other)
+        edge, is_sudden = self.breaks.edge_over(one, other), max(by_scan, by_jump) > by_drift
+        if metres < CLEAR or (edge is None and is_sudden and metres < EXPLAINED * least):
+            disagree = f", and scans disagree by {least:.2f} m at least" if metres >= CLEAR else ""
+            text = f"the motions of scans {one} and {other} put it {metres:.2f} m apart only{disagree}"
+            return Cause(UNKNOWN, text, measures)
         is_apart = edge is None or min(abs(scan - end) for end in edge.ends) > BESIDE
         if len(self.breaks.motion) == 2 and edge is None:
             text = f"scans {one} and {other} put it {metres:.2f} m apart{along}; which is wrong two do not show"

@@ -176,6 +176,32 @@ def test_checked_poses_name_the_cause(shifts, edge, kind):
     assert {cause.kind for cause in found.values()} == {kind}
 
 
+def causes_by_motions(shifts, wrong=()):
+    """Return the causes of a wall that two laps put 0.4 m apart; scans ask for shifts (40,), some are surely wrong."""
+    motion, places = np.tile(np.eye(4), (40, 1, 1)), np.array([way_of(scan) for scan in range(40)])
+    motion[:, 1, 3] = shifts
+    rows = tuple(ScanMotion(k, f"{k}", 0.0, shifts[k], 0.0, 0.0, 0.0, 1.0, 0.99 * (k in wrong)) for k in range(40))
+    patches = wall_of_two_laps(0.4, 0.0)
+    poses = CheckedPoses(rows if wrong else (), motion=motion, places=places)
+    found = find_causes(patches, patch_features(patches), np.ones(2, bool), visits_of(patches.cloud), poses)
+    return list(found.values())
+
+
+def test_a_scan_that_is_right_is_not_blamed_where_others_are_wrong():
+    off = np.where(np.arange(40) == 5, 0.4, 0.0)
+    assert {cause.measures.get("scan") for cause in causes_by_motions(off)} == {5}
+    assert {cause.measures.get("scan") for cause in causes_by_motions(off, wrong=(5, 35))} == {5}
+    for cause in causes_by_motions(off, wrong=(35,)):
+        assert cause.kind == MISSED_LOOP
+        assert "scan" not in cause.measures
+
+
+def test_what_explains_less_than_half_of_the_disagreement_is_no_cause():
+    for cause in causes_by_motions(np.where(np.arange(40) == 5, 0.15, 0.0)):
+        assert cause.kind == UNKNOWN
+        assert re.fullmatch(r"the .* put it 0\.15 m apart only, and scans disagree by 0\.3\d m at least", cause.text)
+
+
 def test_where_poses_agree_points_within_a_scan_do_not_make_a_thing_move():
     motion, places = np.tile(np.eye(4), (40, 1, 1)), np.array([way_of(scan) for scan in range(40)])
     patches = wall_of_two_laps(0.02, 0.0)
