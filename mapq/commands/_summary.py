@@ -112,7 +112,11 @@ def _tolerance(result: Result, limits: Mapping[str, Any]) -> str:
     """Return the tolerance, what scans resolve, and how much of the area they do not decide at it."""
     verdict, words = result.verdict(**limits), f"{result.tolerance:.2f} m"
     if verdict["resolution_m"] != verdict["resolution_m"]:
-        return f"{words}; scans are not known, so copies are found by points alone{_advice(result)}"
+        n_scans = len(result.poses.scans)
+        unknown = "scans are not known, so copies are found by points alone"
+        if n_scans > 1:
+            unknown = f"no two of the {n_scans} scans see the same surface, so nothing was compared"
+        return f"{words}; {unknown}{_advice(result)}"
     left = f"{verdict['unresolved_share_of_area']:.1%} of the area one scan alone saw, or several too little to compare"
     return f"{words}; scans resolve {verdict['resolution_m']:.3f} m; {left}"
 

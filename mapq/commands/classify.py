@@ -277,6 +277,8 @@ def _check(file: str, result: Result, limits: Mapping[str, Any]) -> None:
         raise CheckFailed(f"{file}: {share:.1%} of the area of patches is suspicious, more than {fail_over:.1%}.")
     apart, fail_apart = verdict["scans_apart_m"], verdict["fail_apart"]
     if fail_apart is not None and apart != apart:
+        if len(result.poses.scans) > 1:
+            raise CheckFailed(f"{file}: no two scans see the same surface, so how far they disagree is not known.")
         raise CheckFailed(f"{file}: scans are not known, so nor is how far they disagree. Classify SCANS with --poses.")
     if fail_apart is not None and apart > fail_apart:
         raise CheckFailed(f"{file}: scans disagree by {apart:.3f} m in the median, more than {fail_apart:g} m.")

@@ -24,11 +24,20 @@ LOOKED_AT = 200_000
 """Points of all scans by which these are judged, about."""
 
 
-def warn_of_poses(scans: PosedScans, xyz: NDArray[np.float64], scan: NDArray[np.int32]) -> None:
-    """Warn, of the worst alone, where poses do not fit the points (n, 3) in the frames of their scans (n,)."""
+def warn_of_poses(scans: PosedScans, xyz: NDArray[np.float64], scan: NDArray[np.int32], submaps: bool = False) -> None:
+    """Warn, of the worst alone, where poses do not fit the points (n, 3) in the frames of their scans (n,).
+
+    Of sub-maps only where these are too far from each other to meet.
+    """
     some = slice(None, None, max(1, len(xyz) // LOOKED_AT))
     place, distance = scans.poses[:, :3, 3], np.linalg.norm(xyz[some], axis=1)
     middle, reach = np.quantile(distance, (0.5, 0.95)).tolist()
+    apart = float(np.median(cKDTree(place).query(place, k=2)[0][:, 1])) if len(scans) > 1 else 0.0
+    far = f"are {apart:.3g} m apart and see {reach:.3g} m far. Are poses in metres, and points (--unit)?"
+    if submaps:  # have no sensor that their points are seen from
+        if apart > 2.0 * reach:
+            logger.warning("%s: sub-maps %s", scans.source, far)
+        return
     words = ""
     if middle > FARTHEST:
         words = f"half of the points lie {middle:.0f} m from the sensor and more. Give their unit: --unit"
@@ -38,7 +47,7 @@ def warn_of_poses(scans: PosedScans, xyz: NDArray[np.float64], scan: NDArray[np.
         words = "the points follow the poses, so they are in the frame of the map already: --set scans.frame=map"
     elif np.median(np.abs(scans.poses[:, 2, 2])) < UPRIGHT:
         words = "the sensors lie on their side, so floors would be vertical. --calibration turns poses of a camera"
-    elif len(scans) > 1 and (apart := float(np.median(cKDTree(place).query(place, k=2)[0][:, 1]))) > 2.0 * reach:
-        words = f"scans are {apart:.3g} m apart and see {reach:.3g} m far. Are poses in metres, and points (--unit)?"
+    elif apart > 2.0 * reach:
+        words = f"scans {far}"
     if words:
         logger.warning("%s: %s", scans.source, words)

@@ -102,8 +102,7 @@ def merge_scans(
     merged = merge(scans, settings, progress)
     words = "%s: %d scans at the poses of %s: %s points"
     logger.info(words, scans.source, len(scans), scans.poses_from or "these files", f"{len(merged.xyz):,}")
-    if not settings.submaps:
-        warn_of_poses(scans, merged.xyz, merged.scan)
+    warn_of_poses(scans, merged.xyz, merged.scan, settings.submaps)
     return map_of(merged, scans.poses, scans, settings)
 
 

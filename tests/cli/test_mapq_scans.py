@@ -212,6 +212,16 @@ def test_poses_that_do_not_fit_are_reported(change, words, tmp_path, caplog) -> 
     assert any(word in caplog.text for word in words.split("|")), caplog.text
 
 
+@pytest.mark.parametrize("scale", [1.0, 1e3])
+def test_sub_maps_whose_poses_are_in_another_unit_are_reported(scale, tmp_path, caplog) -> None:
+    write_scans(tmp_path, "kitti")
+    poses = POSES[:, :3].copy()
+    poses[:, :, 3] *= scale
+    (tmp_path / "poses.txt").write_text(rows(poses.reshape(4, 12)))
+    merge_scans(find_scans([str(tmp_path)]), MergeSettings(submaps=True))
+    assert ("Are poses in metres, and points (--unit)?" in caplog.text) == (scale > 1.0)
+
+
 @pytest.mark.parametrize(
     ("name", "text", "words"),
     [

@@ -9,6 +9,8 @@ import pytest
 
 from mapq.commands._summary import summary_lines
 from mapq.features.context import DISAGREEMENT
+from mapq.posed.check_poses import CheckedPoses
+from mapq.posed.check_scans import ScanMotion
 from mapq.results.result import assess
 from mapq.results.verdict import resolution_of, tolerance_of
 from prf.shell.errors import ArgumentError
@@ -63,6 +65,13 @@ def test_a_smaller_tolerance_is_advised_where_points_alone_leave_much_in_doubt(r
     assert line(model, 0.2).endswith(f"; {share:.0%} of the area is in doubt (p above 0.1), try --tolerance 0.1")
     assert line(model, 0.05).endswith("found by points alone")
     assert line(result.model, 0.2).endswith("found by points alone"), "it learnt no smaller one"
+
+
+def test_scans_that_see_nothing_in_common_are_not_said_to_be_unknown(result):
+    rows = tuple(ScanMotion(scan, f"{scan}.ply", 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.05) for scan in range(4))
+    lines = list(summary_lines(replace(result, poses=CheckedPoses(rows)), "r.ply", {}))
+    words = "; no two of the 4 scans see the same surface, so nothing was compared"
+    assert any(line.startswith("tolerance") and words in line for line in lines)
 
 
 def test_a_tolerance_that_the_model_did_not_learn_is_refused(result):
