@@ -36,9 +36,10 @@ def summary_lines(result: Result, target: str, limits: Mapping[str, Any]) -> Ite
     if result.visits is not None and any(areas.values()):
         named = ", ".join(f"{name} {area / sum(areas.values()):.0%}" for name, area in areas.items() if area)
         yield f"causes          {named} of the suspicious area"
-    if result.scans_apart == result.scans_apart:
+    if result.scans_apart_surface is not None:
         median, mean = (apart_words(each, result.resolution) for each in (result.scans_apart, result.disagreement))
-        yield f"scans disagree  {median} in the median, {mean} in the mean, over the area that several saw"
+        kind = f"{result.scans_apart_surface} surfaces, the worst kind"
+        yield f"scans disagree  {median} in the median of {kind}; {mean} in the mean of all, where several saw them"
     yield from _pose_lines(result)
     yield f"judged          {_judged(result)}"
     yield f"tolerance       {_tolerance(result, limits)}"

@@ -281,7 +281,8 @@ def _check(file: str, result: Result, limits: Mapping[str, Any]) -> None:
             raise CheckFailed(f"{file}: no two scans see the same surface, so how far they disagree is not known.")
         raise CheckFailed(f"{file}: scans are not known, so nor is how far they disagree. Classify SCANS with --poses.")
     if fail_apart is not None and apart > fail_apart:
-        raise CheckFailed(f"{file}: scans disagree by {apart:.3f} m in the median, more than {fail_apart:g} m.")
+        words = f"scans disagree by {apart:.3f} m in the median of {verdict['scans_apart_surface']} surfaces"
+        raise CheckFailed(f"{file}: {words}, more than {fail_apart:g} m.")
     raise CheckFailed(
         f"{file}: only {verdict['coverage']:.1%} of the points on planes could be judged, less than "
         f"{verdict['min_coverage']:.1%}. Judge more by --surfaces, or lower --min-coverage."

@@ -70,7 +70,8 @@ def _limits(verdict: Mapping[str, Any], coverage: float | None) -> Iterator[tupl
         yield False, "how far scans are apart is not known"
     elif apart is not None and off is not None:
         limit = f"{'within' if off <= apart else 'more than'} {number(apart, 3)} m"
-        yield off <= apart, f"scans are {number(off, 3)} m apart in the median, {limit}"
+        kind = escape(verdict["scans_apart_surface"])
+        yield off <= apart, f"scans are {number(off, 3)} m apart in the median of {kind} surfaces, {limit}"
     if least is not None and coverage is not None:
         holds = coverage >= least
         yield holds, f"{'at least' if holds else 'less than'} {percent(least)} judged"
@@ -115,10 +116,11 @@ def _facts(findings: Findings) -> Iterator[tuple[str, str]]:
     if verdict.get("cause") is not None and cloud.fields.get("cause") is not None:
         areas = findings.part("verdict", "area_by_cause_m2")
         yield "causes", escape(", ".join(f"{name} {number(value)} m²" for name, value in areas.items() if value))
-    if verdict.get("scans_apart_m") is not None:
+    if verdict.get("scans_apart_surface") is not None:
         least, known = verdict.get("resolution_m") or 0.0, (verdict["scans_apart_m"], verdict.get("disagreement_m"))
         median, mean = (DASH if metres is None else apart_words(metres, least) for metres in known)
-        yield "scans disagree", f"{median} in the median over the area that several scans saw, {mean} in the mean"
+        kind = f"{escape(verdict['scans_apart_surface'])} surfaces, the worst kind"
+        yield "scans disagree", f"{median} in the median of {kind}; {mean} in the mean of all, where several saw them"
     if cloud.shift.any():
         shift = ", ".join(f"{value:,.0f}" for value in cloud.shift * cloud.unit)
         yield "global shift", f"{shift} m, left out of coordinates in views and tables; a selected patch shows both"

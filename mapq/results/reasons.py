@@ -310,9 +310,16 @@ def largest_median(metres: NDArray[np.float64], area: NDArray[np.float64], kinds
 
     A shift along the ground leaves floors where they are, one in height walls: most of the area would hide either.
     """
+    return max(medians_by_kind(metres, area, kinds).values(), default=float("nan"))
+
+
+def medians_by_kind(
+    metres: NDArray[np.float64], area: NDArray[np.float64], kinds: NDArray[np.uint8]
+) -> dict[int, float]:
+    """Return the median of `metres` (n,) by area (n,) over surfaces of each kind (n,) that has enough of it."""
     known = np.isfinite(metres) & np.isfinite(area)
-    medians = [weighted_median(metres[mine], area[mine]) for mine in usual_kinds(np.where(known, area, 0.0), kinds)]
-    return max(medians, default=float("nan"))
+    found = usual_kinds(np.where(known, area, 0.0), kinds)
+    return {int(kinds[mine][0]): weighted_median(metres[mine], area[mine]) for mine in found}
 
 
 def usual_kinds(area: NDArray[np.float64], kinds: NDArray[np.uint8]) -> list[NDArray[np.bool_]]:

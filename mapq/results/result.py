@@ -13,6 +13,7 @@ from numpy.lib import recfunctions
 from numpy.typing import ArrayLike, NDArray
 
 from mapq.cloud import PointCloud
+from mapq.configuration import SURFACES
 from mapq.crf import Labelling, Terms, classify, explain
 from mapq.features import patch_features
 from mapq.features.compute import feature_settings
@@ -30,7 +31,7 @@ from mapq.report.page import write_report
 from mapq.results.causes import CAUSES, Cause, find_causes
 from mapq.results.content import counts_of, head_of, patch_rows, share_of
 from mapq.results.evaluate import Scores, score_labels
-from mapq.results.reasons import Reason, Reasons, Region, find_regions, largest_median
+from mapq.results.reasons import Reason, Reasons, Region, find_regions, largest_median, medians_by_kind
 from mapq.results.verdict import MIN_COVERAGE, resolution_of, tolerance_of, verdict_of
 from mapq.results.visits import Visits, visits_of
 from prf.shell.cli.console import Report
@@ -220,6 +221,12 @@ class Result:
     def scans_apart(self) -> float:
         """Metres by which scans disagree: the larger of the medians over the area of walls and of floors."""
         return largest_median(self.features.disagreement[:, 1], self.area, self.patches.kinds)
+
+    @property
+    def scans_apart_surface(self) -> str | None:
+        """Kind of surface whose median that is; None where it is not known."""
+        medians = medians_by_kind(self.features.disagreement[:, 1], self.area, self.patches.kinds)
+        return SURFACES[max(medians, key=lambda kind: medians[kind])] if medians else None
 
     def area_by_cause(self, some: NDArray[np.int64] | None = None) -> dict[str, float]:
         """Return the area in m² of suspicious patches (some: of those alone) by cause, the largest first."""

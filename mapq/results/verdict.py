@@ -48,6 +48,7 @@ def verdict_of(
         **cause_row(result),
         "disagreement_m": result.disagreement,
         "scans_apart_m": apart,
+        "scans_apart_surface": result.scans_apart_surface,
     }
 
 

@@ -16,7 +16,7 @@ from mapq.posed.check_poses import CheckedPoses
 from mapq.posed.check_scans import ScanMotion
 from mapq.posed.edges import EdgeError
 from mapq.report.findings import read_findings
-from mapq.report.page import pose_tables, poses_line
+from mapq.report.page import facts, pose_tables, poses_line
 from mapq.results.causes import (
     DRIFT,
     LOCAL,
@@ -32,7 +32,7 @@ from mapq.results.causes import (
     moved_by,
     nested_spread,
 )
-from mapq.results.reasons import largest_median, weighted_median
+from mapq.results.reasons import largest_median, medians_by_kind, weighted_median
 from mapq.results.result import Seen, assess
 from mapq.results.visits import Clock, Visits, join_stays, stays_of, visits_of
 from tests.mapq.factories import make_patches, shuffled, wall
@@ -297,7 +297,7 @@ def test_the_scan_that_is_blamed_comes_first_where_none_is_surely_displaced(tmp_
     assert poses_line(findings) == "Probably wrong scans: <strong>s2.ply</strong>, of 3."
 
 
-def test_scans_apart_is_the_disagreement_of_most_of_the_area():
+def test_scans_apart_is_the_disagreement_of_most_of_the_area(tmp_path):
     walls = wall((0, 0), (8, 0)), wall((0, 20), (8, 20))
     rng = np.random.default_rng(1)
     apart = np.array([[0.0, 0.0, 0.0], [0.0, 0.3, 0.0]])
@@ -316,7 +316,13 @@ def test_scans_apart_is_the_disagreement_of_most_of_the_area():
     none = np.zeros(len(patches))
     agreeing = scanned(result, none - 0.02, none, none + 0.02)
     (line,) = (line for line in summary_lines(agreeing, "r.ply", {}) if line.startswith("scans disagree"))
-    assert "less than 0.020 m (what scans resolve) in the median, less than 0.020 m" in line
+    little = "less than 0.020 m (what scans resolve)"
+    assert f"{little} in the median of upright surfaces, the worst kind; {little} in the mean of all" in line
+    agreeing.save(tmp_path / "r.ply")
+    words = (
+        f"{little} in the median of upright surfaces, the worst kind; {little} in the mean of all, where several saw"
+    )
+    assert f"<dt>scans disagree</dt><dd>{words}" in facts(read_findings(str(tmp_path / "r.ply")))
     silent = assess(replace(patches, cloud=replace(patches.cloud, fields={})), make_model())
     assert np.isnan([silent.verdict(None)[name] for name in ("scans_apart_m", "disagreement_m")]).all()
     assert {tuple(row[name] for name in ("disagreement_m", "low", "high")) for row in silent.patch_rows()} == {
@@ -330,6 +336,7 @@ def test_floors_do_not_hide_that_walls_are_apart():
     kinds = np.array([upright, upright, level, level, level, level], np.uint8)
     assert weighted_median(metres, area) == 0.01
     assert largest_median(metres, area, kinds) == 0.3
+    assert medians_by_kind(metres, area, kinds) == {upright: 0.3, level: 0.01}
     few = np.array([level, tilted, level, level, level, level], np.uint8)
     assert largest_median(metres, area, few) == 0.01, "too little to say something by itself"
     assert np.isnan(largest_median(metres[-1:], area[-1:], kinds[-1:]))

@@ -296,6 +296,7 @@ def test_the_verdict_is_that_of_the_area(result, fail_over, passed):
         "area_by_cause_m2": area,
         "disagreement_m": pytest.approx(float("nan"), nan_ok=True),
         "scans_apart_m": pytest.approx(float("nan"), nan_ok=True),
+        "scans_apart_surface": None,
     }
 
 
