@@ -216,12 +216,15 @@ class _ScanMotions(NamedTuple):
         alone = int(np.argmax(np.abs(parts.alone)))
         by_scan, by_jump, by_drift = (abs(x) for x in (parts.alone[alone], parts.jump, parts.drift))
         metres = max(abs(parts.alone[1] - parts.alone[0] - parts.jump - parts.drift), by_scan)
-        scan, measures = (one, other)[alone], {"between_scans": [one, other], "metres": metres}
+        scan, between = (one, other)[alone], {"between_scans": [one, other]} if one != other else {}
+        measures: dict[str, Any] = {**between, "metres": metres}
         if metres < CLEAR <= moved:
             text = f"scans put it {moved:.2f} m apart, and their poses agree there within {metres:.2f} m"
             return Cause(MOVED, text, measures | {"moved_m": moved})
         edge, is_sudden = self.breaks.edge_over(one, other), max(by_scan, by_jump) > by_drift
         if metres < CLEAR or (edge is None and is_sudden and metres < EXPLAINED * least):
+            if one == other:
+                return Cause(UNKNOWN, "the scans that see it could not be compared", measures)
             disagree = f", and scans disagree by {least:.2f} m at least" if metres >= CLEAR else ""
             text = f"the motions of scans {one} and {other} put it {metres:.2f} m apart only{disagree}"
             return Cause(UNKNOWN, text, measures)
