@@ -96,7 +96,7 @@ def _facts(findings: Findings) -> Iterator[tuple[str, str]]:
     yield "judged", f"{judged}, in which {percent(large_share(counts))} of all points lie"
     for name, each in (counts.get("by_surface") or {}).items():
         yield name, f"{number(each.get('area_m2'))} m², {percent(each.get('share_of_area'))} of it suspicious"
-    yield "points", f"{number(n_points, 0)}, {percent(share)} of them in patches; the others are not judged"
+    yield "points", f"{number(n_points, 0)}, {percent(share)} of them in judged patches"
     also = "" if (cloud.unit == 1.0).all() else "; lengths and places on this page are in metres"
     yield "unit", f"{cloud.unit_words}{also}"
     if len(findings.rows) < len(findings.label):

@@ -65,7 +65,7 @@ def test_a_report_tells_of_all_patches_and_shows_some_of_the_points(results, tmp
     page = (tmp_path / "report.html").read_text()
     assert f"of {len(whole.cloud):,} points shown" in page
     share = (whole.patch >= 0).mean()
-    assert f"<dt>points</dt><dd>{len(whole.cloud):,}, {100.0 * share:.1f} % of them in patches" in page
+    assert f"<dt>points</dt><dd>{len(whole.cloud):,}, {100.0 * share:.1f} % of them in judged patches" in page
 
 
 def test_small_patches_stay_whole_and_large_ones_are_thinned(results):
