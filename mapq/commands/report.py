@@ -41,11 +41,13 @@ def report(
     click on a patch, in a view or in the table, shows its features, its label with its probability, and the reasons in
     words. Of a result in tiles a part of the points is read. Without -o the page is beside RESULT: its name with .html.
     """
+    from mapq.posed.files import refuse_run
     from mapq.report.findings import read_findings
     from mapq.report.page import write_report
     from prf.shell.cli.files import STREAM
     from prf.shell.cli.outputs import claim_output
 
+    refuse_run(result)
     folder = os.path.isdir(result)
     target = output or (default_name([result], ".html") if folder else named_after(result, ".html"))
     inputs = [result, os.path.splitext(result)[0] + ".json"]

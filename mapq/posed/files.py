@@ -37,8 +37,7 @@ def scan_files(folder: str, pattern: str | None) -> list[str]:
         Names of the scans, such as ``planes_*.bin``; None: all files of points whose names differ in a number alone.
     """
     here = Path(folder)
-    if (here / "manifest.json").is_file():
-        raise InputError(f"{folder}: a RUN of prf, whose maps are of the plane. prf report shows it.")
+    refuse_run(folder)
     files = [path for path in (*here.glob("*"), *here.glob("*/*")) if path.is_file()]
     if pattern is not None:
         named = [str(path) for path in files if fnmatch.fnmatch(path.relative_to(here).as_posix(), pattern)]
@@ -57,6 +56,12 @@ def scan_files(folder: str, pattern: str | None) -> list[str]:
         names = ", ".join(f"{name} ({len(found)})" for name, found in list(families.items())[:MOST_LISTED])
         raise InputError(f"{folder}: several sets of scans: {names}. Choose one with --scans.")
     return sorted(next(iter(families.values())), key=natural_key)
+
+
+def refuse_run(folder: str) -> None:
+    """Raise InputError if a folder is what prf wrote."""
+    if (Path(folder) / "manifest.json").is_file():
+        raise InputError(f"{folder}: a RUN of prf, whose maps are of the plane. Show it: prf report {folder}")
 
 
 def stem_of(path: str) -> str:

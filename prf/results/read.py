@@ -69,7 +69,8 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     if not folder.exists():
         raise InputError(f"{folder}: no such directory.")
     if not folder.is_dir():
-        raise InputError(f"{folder}: not a directory; expected a RUN that prf sample wrote.")
+        advice = f"If it is a result of mapq: mapq report {folder}"
+        raise InputError(f"{folder}: not a directory; expected a RUN that prf sample wrote. {advice}")
     if not is_run(folder):
         raise InputError(f"{folder}: no {names.MANIFEST} in it; expected a RUN that prf sample wrote.")
     return load_object(folder / names.MANIFEST, names.SCHEMAS[names.MANIFEST])

@@ -131,6 +131,17 @@ def files(tmp_path):
     return clean, bad, save_model(tmp_path)
 
 
+def test_a_run_of_prf_is_named_before_any_output(capsys, tmp_path):
+    (tmp_path / "my_map").mkdir()
+    (tmp_path / "my_map" / "manifest.json").write_text("{}")
+    (tmp_path / "my_map.html").write_text("kept")
+    for force in ((), ("--force",)):
+        code, _, err = call(capsys, "report", tmp_path / "my_map", *force)
+        assert code == 3
+        assert f"a RUN of prf, whose maps are of the plane. Show it: prf report {tmp_path / 'my_map'}" in err
+    assert (tmp_path / "my_map.html").read_text() == "kept"
+
+
 def test_it_prints_which_is_better_and_where(capsys, files):
     clean, bad, model = files
     code, out, err = call(capsys, "compare", bad, clean, "--model", model)
