@@ -310,6 +310,10 @@ def large_share(counts: Mapping[str, Any]) -> float:
     return float(judged / (coverage * n_points)) if judged and coverage and n_points else float("nan")
 
 
+WIDE_REGION = 30.0
+"""Metres of a region's longest side from which its middle is no place to look at, but that of its worst patch is."""
+
+
 def apart_words(metres: float, resolution: float) -> str:
     """Return how far scans lie apart; of less than they resolve only that. Both in metres."""
     return f"less than {resolution:.3f} m (what scans resolve)" if metres < resolution else f"{metres:.3f} m"

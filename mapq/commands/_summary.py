@@ -148,11 +148,18 @@ def _verdict(result: Result, limits: Mapping[str, Any]) -> str:
 
 def _region(result: Result, region: Region) -> str:
     """Return size, place and cause of a region."""
+    from mapq.patches import WIDE_REGION
+
     cloud, words = result.patches.cloud, [f"{len(region.patches)} patch{'' if len(region.patches) == 1 else 'es'}"]
-    size = " x ".join(f"{length:.1f}" for length in ((region.high - region.low) * cloud.unit).tolist())
+    lengths = ((region.high - region.low) * cloud.unit).tolist()
+    size = " x ".join(f"{length:.1f}" for length in lengths)
     words.append(f"{_area(region.area)} m2 in {size} m at {cloud.place_words(region.centre)}")
     if region.displacement == region.displacement:
         words.append(f"surfaces {region.displacement:.2f} m apart")
+    if max(lengths) > WIDE_REGION:
+        worst = cloud.place_words(cloud.world_of(result.patches.centroid[region.worst]))
+        apart = region.worst_displacement
+        words.append(f"worst at {worst}" + (f" ({apart:.2f} m apart)" if apart == apart else ""))
     if result.visits is not None:
         words.append(next(iter(result.area_by_cause(region.patches))).replace("unknown", "cause unknown"))
     return ", ".join(words)

@@ -8,7 +8,7 @@ from pathlib import PurePath
 from typing import Any
 
 from mapq.io.maps import Row
-from mapq.patches import apart_words, caveat, in_doubt, large_share
+from mapq.patches import WIDE_REGION, apart_words, caveat, in_doubt, large_share
 from mapq.posed.check_poses import WRONG
 from mapq.report.findings import MAX_REGIONS, Findings
 from mapq.report.histogram import histogram, histogram_svg
@@ -198,17 +198,28 @@ def region_table(findings: Findings) -> str:
 
 def _region_cells(findings: Findings, region: Row) -> list[str]:
     low, high, centre = (findings.local(region.get(name)) for name in ("low", "high", "centre"))
+    sides = [b - a for a, b in zip(low, high, strict=True)]
+    place = _place(centre)
+    worst = findings.rows.get(region.get("worst_patch", -1))
+    if worst is not None and max(sides) > WIDE_REGION:
+        apart = region.get("worst_displacement_m")
+        known = "" if apart is None else f": {number(apart, 2)} m apart"
+        place += f"<br><small>worst at {_place(findings.local(worst.get('centroid')))}{known}</small>"
     return [
         number(region.get("region"), 0),
         area(region.get("severity_m2")),
         area(region.get("area_m2")),
         number(region.get("n_patches"), 0),
-        " × ".join(number(b - a) for a, b in zip(low, high, strict=True)),
-        ", ".join(number(value) for value in centre),
+        " × ".join(map(number, sides)),
+        place,
         number(region.get("displacement_m"), 2),
         number(region.get("p_suspicious"), 2),
         escape(region.get("cause") or DASH),
     ]
+
+
+def _place(xyz: list[float]) -> str:
+    return ", ".join(map(number, xyz))
 
 
 def pose_tables(findings: Findings) -> str:

@@ -204,6 +204,8 @@ class Region(NamedTuple):
     # metres by which its surfaces lie apart, by what its patches themselves say; nan where they do not
     displacement: float
     p_suspicious: float  # mean over the area
+    worst: int  # its patch of the most area times p_suspicious
+    worst_displacement: float  # metres by which that says that surfaces lie apart; nan where it does not
 
     def row(self, number: int, decimals: int) -> dict[str, Any]:
         """Return the region as JSON; its place among regions is its number."""
@@ -218,6 +220,8 @@ class Region(NamedTuple):
             "displacement_m": shown["displacement"],
             "p_suspicious": round(self.p_suspicious, decimals),
             **places,
+            "worst_patch": self.worst,
+            "worst_displacement_m": round(self.worst_displacement, decimals),
             "patches": self.patches.tolist(),
         }
 
@@ -248,7 +252,9 @@ def find_regions(
     first, last = (np.searchsorted(dealt, wanted, side) for side in ("left", "right"))
     wide, said = probability.astype(np.float64), _said(features)
     found = [
-        _region(patches, group, wide, size, _displacement(features, said[:, group], size[group], inside[begin:end]))
+        _region(
+            patches, group, wide, size, said, _displacement(features, said[:, group], size[group], inside[begin:end])
+        )
         for group, begin, end in zip(groups, first.tolist(), last.tolist(), strict=True)
     ]
     return sorted(found, key=lambda region: (-region.severity, int(region.patches[0])))
@@ -259,13 +265,16 @@ def _region(
     group: NDArray[np.int64],
     probability: NDArray[np.float64],
     size: NDArray[np.float64],
+    said: NDArray[np.float64],
     displacement: float,
 ) -> Region:
     n_points, corners = patches.extent(group)
     area, severity = float(size[group].sum()), float((size[group] * probability[group]).sum())
     low, high, centre = patches.cloud.world_of(corners)
     p_suspicious = severity / area if area > 0.0 else float(probability[group].mean())
-    return Region(group, n_points, area, severity, low, high, centre, displacement, p_suspicious)
+    worst = int(group[np.argmax(size[group] * probability[group])])
+    apart = float(next((metres for metres in said[:, worst] if np.isfinite(metres)), np.nan))
+    return Region(group, n_points, area, severity, low, high, centre, displacement, p_suspicious, worst, apart)
 
 
 def _said(features: PatchFeatures) -> NDArray[np.float64]:

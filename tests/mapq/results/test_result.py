@@ -7,11 +7,14 @@ import numpy as np
 import pytest
 
 from mapq.cloud import PointCloud
+from mapq.commands._summary import summary_lines
 from mapq.configuration import FeatureSettings
 from mapq.crf.trees import OVER
 from mapq.io.results import result_cloud
 from mapq.kernels.boosted_trees import LEAF, Trees
 from mapq.model import EDGE_MODELS, EVIDENCE, Calibration, Model, Potential, Scaling, parameter_names
+from mapq.report.findings import read_findings
+from mapq.report.page import number, region_table
 from mapq.results.reasons import pair_words
 from mapq.results.result import assess
 from tests.mapq.factories import make_patches, sample_patches, shuffled, wall
@@ -123,6 +126,22 @@ def test_patches_far_from_the_origin_have_world_coordinates():
     near_rows, far_rows = (list(assess(each, make_model()).patch_rows()) for each in (patches, far))
     np.testing.assert_allclose(np.subtract(far_rows[3]["centroid"], near_rows[3]["centroid"]), shift, atol=1e-5)
     assert near_rows[3]["terms"] == far_rows[3]["terms"]
+
+
+def test_of_a_wide_region_the_place_of_its_worst_patch_is_named(tmp_path, monkeypatch):
+    result = assess(draw_patches(1), make_model())
+    region = result.regions[0]
+    share = result.area * result.probability
+    assert region.worst == max(region.patches.tolist(), key=lambda patch: share[patch])
+    result.save(tmp_path / "r.ply")
+    findings, at = read_findings(str(tmp_path / "r.ply")), result.patches.centroid[region.worst]
+    for widest, n_named in ((1e3, 0), (0.0, 1)):
+        monkeypatch.setattr("mapq.patches.WIDE_REGION", widest)
+        monkeypatch.setattr("mapq.report.page.WIDE_REGION", widest)
+        line = next(line for line in summary_lines(result, "r.ply", {}) if "region 0" in line)
+        assert line.count(f"worst at {at[0]:.1f} {at[1]:.1f} {at[2]:.1f}") == n_named
+        place = ", ".join(number(value) for value in at.tolist())
+        assert region_table(findings).count(f"<br><small>worst at {place}") == n_named
 
 
 def test_fields_named_as_a_result_s_are_kept_under_other_names():
