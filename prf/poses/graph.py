@@ -71,6 +71,11 @@ class Pull(NamedTuple):
     sharpness: Floats  # (n, 3) one over the standard deviations from the given poses; 0: free
     relations: Relations
 
+    def strain(self, poses: Floats) -> float:
+        """Return half the squared errors at poses (n, 3): what their log density is lower by than without any."""
+        off = self.sharpness * seen_from(poses, self.given)
+        return 0.5 * float(np.square(off).sum() + np.square(errors(self.relations, poses)).sum())
+
     def equations(
         self, poses: Floats, disturbance: Disturbance | None = None, weight: Floats | None = None
     ) -> tuple[csc_matrix, Floats]:

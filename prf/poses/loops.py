@@ -36,6 +36,8 @@ FORCE = 10.0  # times that it holds what it joins
 POINTS_WORTH = 30.0  # nats that a score of one piece is worth
 LEAST_ODDS, MOST_WAYS = -3.0, 4  # log odds of a way that is kept, and how many are
 BROKEN = 1e-3  # share of what holds a step that is left where the robot was carried
+LEAST_RELIEF = 20.0  # nats by which given poses fit better if it was, about what the density of a step takes for that
+NO_LOOPS = Relations(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 3, 3)))
 
 
 class Way(NamedTuple):
@@ -48,16 +50,40 @@ class Way(NamedTuple):
 
 
 def close_loops(scans: WallPoints, followed: Followed, chain: Pull) -> list[Way]:
-    """Return the ways with loops closed, the most likely first; `chain`: what else holds poses."""
+    """Return the ways with loops closed, the most likely first; `chain`: what else holds poses.
+
+    Steps as followed give the shape of the way, given poses with their errors where it lies, if there are any: loops
+    are looked for as far as both leave open.
+    """
     steps, root = doubtful(followed.fits), followed.steps.root.copy()
-    pieces, chain = cut(scans, followed.poses, steps), chain._replace(relations=followed.steps._replace(root=root))
-    poses, found = _closed(pieces, followed.poses, chain, [])
+    chain = chain._replace(relations=followed.steps._replace(root=root))
+    # Begun where the steps lead, not at given poses: a bent way is straightened, headings that jitter may not be.
+    poses = _fitted(followed.poses, chain, NO_LOOPS)
+    pieces = cut(scans, poses, steps)
+    if chain.sharpness.all():
+        # Given poses say where a robot that was carried was put down: what only looks alike there has no say.
+        poses, steps = _put_down(poses, chain, steps), []
+    poses, found = _closed(pieces, poses, chain, [])
     while steps and (ways := landings(pieces, poses, steps)):
         step, match = ways[0].step, ways[0].match
         root[step] *= BROKEN
         steps.remove(step)
         poses, found = _closed(pieces, ways[0].poses, chain, [match, *(each for each in found if not each.over(step))])
     return _ways(pieces, chain, Way(poses, found, 0.0))
+
+
+def _put_down(poses: Floats, chain: Pull, steps: Sequence[int]) -> Floats:
+    """Return the poses that fit, of which no step holds over which given ones have it that the robot was carried."""
+    root = chain.relations.root
+    for step in steps:
+        strain, held = chain.strain(poses), root[step].copy()
+        root[step] *= BROKEN
+        loose = _fitted(poses, chain, NO_LOOPS)
+        if strain - chain.strain(loose) > LEAST_RELIEF:
+            poses = loose
+        else:
+            root[step] = held
+    return poses
 
 
 def _ways(pieces: list[Piece], chain: Pull, first: Way) -> list[Way]:
@@ -71,8 +97,8 @@ def _ways(pieces: list[Piece], chain: Pull, first: Way) -> list[Way]:
         poses, loops = _settled(first.poses, chain, first.loops, match)
         tried.append(poses)
         if match.holds(poses):
-            strain = [0.5 * float(np.square(errors(chain.relations, at)).sum()) for at in (first.poses, poses)]
-            odds = POINTS_WORTH * gain(pairs, pieces, first.poses, poses) - strain[1] + strain[0]
+            strain = chain.strain(poses) - chain.strain(first.poses)
+            odds = POINTS_WORTH * gain(pairs, pieces, first.poses, poses) - strain
             if odds > LEAST_ODDS:
                 ways.append(Way(poses, loops, odds, (match,)))
     ways.sort(key=lambda way: -way.log_odds)
@@ -180,6 +206,13 @@ def _settled(
     loops = _relations(used)
     if forced is not None:
         loops.root[[match.is_same(forced) for match in used]] *= FORCE
+    poses = _fitted(poses, chain, loops)
+    fits = iter((np.square(errors(loops, poses)).sum(axis=1) < FAR_OFF).tolist())
+    return poses, [match._replace(is_used=match.is_used and next(fits)) for match in found]
+
+
+def _fitted(poses: Floats, chain: Pull, loops: Relations) -> Floats:
+    """Return the poses that fit the chain and loops best, near `poses` (n, 3); loops far off are scaled away."""
     graph = chain._replace(relations=chain.relations.join(loops))
     ones = np.ones(len(chain.relations.tail))
     for _ in range(SETTLING):
@@ -187,5 +220,4 @@ def _settled(
         pulls = np.square(np.minimum(1.0, 2.0 * SOFT / (SOFT + misfit)))
         matrix, right = graph.equations(poses, weight=np.append(ones, pulls))
         poses = compose(poses, splu(matrix).solve(right).reshape(-1, 3))
-    fits = iter((np.square(errors(loops, poses)).sum(axis=1) < FAR_OFF).tolist())
-    return poses, [match._replace(is_used=match.is_used and next(fits)) for match in found]
+    return poses

@@ -1,6 +1,7 @@
 """Where chains of uncertain poses start: at poses at which the scans agree.
 
-Given poses are aligned as they are. Odometry is first corrected on the way, then loops are closed.
+Odometry is first corrected on the way, then loops are closed, near given poses if there are any. Poses without odometry
+are aligned as they are given.
 """
 
 from __future__ import annotations
@@ -99,7 +100,7 @@ def find_start(model: PoseModel, laser: Readings, noise: float) -> Start:
         return Start(model, scans, [Agreed(given.copy(), pull_of(model.prior), 1.0)], [])
     logger.info(f"laying {len(given):,} scans on one another, for a trajectory to start from ...")
     ways, error = [Way(given, [], 0.0)], float(model.prior.noise[0] @ [1.0, FAR])
-    followed = follow(scans, model.prior) if model.prior.is_held else None
+    followed = follow(scans, model.prior) if len(model.prior.motion) else None
     if followed is not None:
         _warn_of_gaps(model.prior, followed.fits)
         model = _as_it_errs(model, followed.scale)

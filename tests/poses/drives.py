@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 
 import numpy as np
@@ -50,6 +51,12 @@ def odometry_of(truth, kind="wheels"):
     """Return the prior of poses (n, 3) by odometry along them."""
     readings = readings_at(ROOM, np.array([[4.0, 1.0, 0.0]] * len(truth)), truth, n_beams=2)
     return pose_model(readings, None, None, ODOMETRY[kind]).prior
+
+
+def driven_beside(readings, driven):
+    """Return readings of a log whose odometry (n, 3) is a file beside its poses."""
+    scans = readings.notes.scans._replace(odometry=driven)
+    return dataclasses.replace(readings, notes=dataclasses.replace(readings.notes, scans=scans))
 
 
 def readings_at(walls, truth, given, seed=0, n_beams=90, **physics):

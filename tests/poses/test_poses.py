@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 
 import numpy as np
@@ -27,7 +28,7 @@ from prf.readings import Readings
 from prf.sampler.ensemble import Ensemble
 from prf.sampler.prepare import prepare
 from prf.shell.errors import ConfigError, InputError
-from tests.poses.drives import BLOCK, ROOM, odometry_of, off, readings_at, round_the_block
+from tests.poses.drives import BLOCK, ROOM, driven_beside, odometry_of, off, readings_at, round_the_block
 
 ROUND = np.linspace(0.0, 2.0 * np.pi, 40)
 TRUTH = np.column_stack([4.2 + 2.6 * np.cos(ROUND), 2.6 + 1.9 * np.sin(ROUND), ROUND + np.pi / 2])
@@ -59,6 +60,33 @@ def test_a_loop_of_odometry_is_closed():
     errors = [seen_from(truth[loop.tail], truth[loop.head])[:2] - loop.pose[:2] for loop in used]
     assert len(used) > 3
     assert np.median(np.hypot(*np.transpose(errors))) < 0.1
+
+
+JITTER = (0.55, 0.12)  # m, rad
+
+
+def _start_beside(truth, driven):
+    """Return the start of a drive round the block, of poses that jitter and odometry (n, 3) beside them."""
+    given = truth + np.random.default_rng(1).normal(size=truth.shape) * [JITTER[0], *JITTER]
+    readings = driven_beside(readings_at(BLOCK, truth, given, n_beams=60), driven)
+    return find_start(pose_model(readings, None, JITTER, ODOMETRY["wheels"]), readings, 0.03)
+
+
+def test_odometry_is_followed_beside_poses_that_jitter():
+    """Wheels that drive farther than they say: matched with those before it, a scan shows by how much."""
+    truth = round_the_block(spacing=1.0)[:40]
+    steps = seen_from(truth[:-1], truth[1:]) * [0.7, 1.0, 1.0]
+    start = _start_beside(truth, np.array(list(itertools.accumulate(steps, compose, initial=truth[0]))))
+    assert off(start.poses, truth) < 0.35
+
+
+def test_given_poses_say_where_a_robot_was_put_down():
+    truth, driven = carried(round_the_block(spacing=1.0), 17, 27)
+    assert off(driven, truth) > 3.0
+    start = _start_beside(truth, driven)
+    assert off(start.poses, truth) < 0.1
+    assert start.model.prior.slipped(start.poses)[16] > 0.99
+    np.testing.assert_allclose(np.mean(start.poses - truth, axis=0)[:2], 0.0, atol=3.0 * JITTER[0] / len(truth) ** 0.5)
 
 
 def test_chains_start_as_all_readings_have_it_however_few_are_used():
