@@ -251,7 +251,8 @@ def classify(
         _warn(found)
     if not isinstance(map, str | os.PathLike):
         origin = origin._replace(name=found.cloud.source or "the map")
-    return assess(found, used, origin=origin, tolerance=tolerance)
+    with reported(progress, N_STEPS, "measuring") as reporter:
+        return assess(found, used, reporter, origin, tolerance)
 
 
 def classify_scans(
@@ -295,7 +296,8 @@ def classify_scans(
         cloud = merge_scans(some, merging, reporter)
     given: dict[str, Any] = {"tolerance": tolerance, "max_false_alarms": max_false_alarms, "segmentation": segmentation}
     result = classify(cloud, model, progress=progress, **given)
-    checked = check_poses(cloud, some, edges)
+    with reported(progress, 1.0, "comparing scans") as reporter:
+        checked = check_poses(cloud, some, edges, reporter)
     if graph_out is not None:
         write_without(whole.poses_from, os.fspath(graph_out), checked.wrong_rows)
     return dataclasses.replace(result, poses=checked)
@@ -323,8 +325,7 @@ def train(
         Stored in the model, which measures other maps in the same way.
     conservative : bool
         Patches without a label count as suspicious.
-    progress : bool or callable
-        As :func:`segment`.
+    progress : bool or callable, as of :func:`segment`
 
     Raises
     ------
@@ -387,8 +388,7 @@ def _model(model: Model | Path | None, max_false_alarms: float | None) -> tuple[
 
 
 def _warn(patches: Patches) -> None:
-    warnings = patches.report.get("warnings", ())
-    for warning in warnings or (() if len(patches) else ("no plane patch was found",)):
+    for warning in patches.report.get("warnings") or (() if len(patches) else ("no plane patch was found",)):
         logger.warning("%s: %s", patches.cloud.source or "the map", warning)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -33,7 +33,12 @@ class CheckedPoses(NamedTuple):
         return {edge.row for edge in self.edges if edge.p_wrong > WRONG}
 
 
-def check_poses(cloud: PointCloud, scans: PosedScans, graph: Sequence[GraphEdge] = ()) -> CheckedPoses:
+def check_poses(
+    cloud: PointCloud,
+    scans: PosedScans,
+    graph: Sequence[GraphEdge] = (),
+    progress: Callable[[float], None] = lambda done: None,
+) -> CheckedPoses:
     """Return what is wrong with the poses of scans, and with the edges of their graph.
 
     Parameters
@@ -43,7 +48,13 @@ def check_poses(cloud: PointCloud, scans: PosedScans, graph: Sequence[GraphEdge]
     scans : PosedScans
     graph : sequence of GraphEdge
         As :func:`mapq.posed.graph.read_edges` returns them.
+    progress : callable
+        Receives the share done.
     """
-    checked = check_scans(cloud, scans)
-    edges = check_edges(checked, cloud, scans, graph) if graph else ()
+    of_scans = 0.5 if graph else 1.0
+    checked = check_scans(cloud, scans, lambda done: progress(of_scans * done))
+    of_edges = 1.0 - of_scans
+    edges: tuple[EdgeError, ...] = ()
+    if graph:
+        edges = check_edges(checked, cloud, scans, graph, lambda done: progress(of_scans + of_edges * done))
     return CheckedPoses(checked.rows, edges, checked.drift, checked.corrections.motion, checked.scene.places)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -70,10 +71,19 @@ class CheckedScans(NamedTuple):
     corrections: Corrections
 
 
-def check_scans(cloud: PointCloud, scans: PosedScans) -> CheckedScans:
-    """Return the motions that scans ask of one another; of a cloud that :func:`mapq.posed.merge_scans` made of them."""
+def check_scans(
+    cloud: PointCloud, scans: PosedScans, progress: Callable[[float], None] = lambda done: None
+) -> CheckedScans:
+    """Return the motions that scans ask of one another; of a cloud that :func:`mapq.posed.merge_scans` made of them.
+
+    `progress` receives the share done.
+    """
     scene = scene_of(cloud, scans.poses)
-    relations = [relation for pair in pairs_of(scene) if (relation := relate(scene, *pair)) is not None]
+    pairs, relations = pairs_of(scene), []
+    for number, pair in enumerate(pairs):
+        if (relation := relate(scene, *pair)) is not None:
+            relations.append(relation)
+        progress((number + 1) / len(pairs))
     alone = solve(relations, scene.places)
     along, unit = _along(scans)
     line = solve(relations, scene.places, along)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -48,19 +48,26 @@ class EdgeError(NamedTuple):
 
 
 def check_edges(
-    checked: CheckedScans, cloud: PointCloud, scans: PosedScans, edges: Sequence[GraphEdge]
+    checked: CheckedScans,
+    cloud: PointCloud,
+    scans: PosedScans,
+    edges: Sequence[GraphEdge],
+    progress: Callable[[float], None] = lambda done: None,
 ) -> tuple[EdgeError, ...]:
     """Return the errors of edges, the worst first.
 
     The clouds are put where the other scans want them: what an optimiser has spread over a chain is taken back
-    first.
+    first. `progress` receives the share done.
     """
     motion = checked.corrections.motion
     poses = scans.poses.copy()
     poses[:, :3, 3] -= cloud.shift * cloud.unit
     settled = motion @ poses
     surfaces = [_moved(surface, motion[scan]) for scan, surface in enumerate(checked.scene.surfaces)]
-    rows = [_checked(surfaces, settled, edge) for edge in edges]
+    rows = []
+    for number, edge in enumerate(edges):
+        rows.append(_checked(surfaces, settled, edge))
+        progress((number + 1) / len(edges))
     rows.sort(key=lambda pair: -pair[0])
     return tuple(row for _, row in rows)
 

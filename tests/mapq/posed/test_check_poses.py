@@ -77,7 +77,10 @@ def test_a_displaced_scan_is_first_and_gets_its_motion(scan: int) -> None:
 
 
 def test_right_scans_are_right_and_a_single_one_has_nothing_to_differ_from() -> None:
-    checked = check_poses(merge_scans(SCANS), SCANS)
+    shares: list[float] = []
+    checked = check_poses(merge_scans(SCANS), SCANS, progress=shares.append)
+    assert shares == sorted(shares)
+    assert shares[-1] == 1.0
     assert max(row.p_wrong for row in checked.scans) < 0.1
     assert (checked.drift, checked.edges) == (None, ())
     alone = SCANS.every(100)
@@ -221,7 +224,10 @@ def test_a_wrong_edge_is_named_where_its_error_is_spread(spoiled: tuple[int, int
     scans = SCANS.with_poses(spread, str(path))
     edges = read_edges(scans)
     assert [edge.ids for edge in edges] == pairs
-    checked = check_poses(merge_scans(scans), scans, edges)
+    shares: list[float] = []
+    checked = check_poses(merge_scans(scans), scans, edges, shares.append)
+    assert shares == sorted(shares)
+    assert {0.5, 1.0} < set(shares)
     assert checked.edges[0].ids == spoiled
     assert checked.edges[0].error_m == pytest.approx(0.5, abs=0.2)
     assert checked.edges[0].error_rad == pytest.approx(0.02, abs=0.01)
