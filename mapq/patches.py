@@ -39,6 +39,8 @@ STEEP, FLAT = np.sin(np.radians([30.0, 60.0]))
 FEW_FLAT = 0.4
 """Share of neighbourhoods that show a plane below which little is known of a map: right ones, cut at the level that
 shows most, have half or more, unless most of them is vegetation; smeared as a whole a quarter to two fifths."""
+WIDE_REGION = 30.0
+"""Metres of a region's longest side from which its middle is no place to look at, but that of its worst patch is."""
 DOUBT, MUCH_DOUBT = 0.1, 0.1
 """Probability above which what is called plausible is in doubt, and the share of the area of which that is much."""
 
@@ -308,10 +310,6 @@ def large_share(counts: Mapping[str, Any]) -> float:
     """
     judged, coverage, n_points = (counts.get(name) for name in ("n_points_in_patches", "coverage", "n_points"))
     return float(judged / (coverage * n_points)) if judged and coverage and n_points else float("nan")
-
-
-WIDE_REGION = 30.0
-"""Metres of a region's longest side from which its middle is no place to look at, but that of its worst patch is."""
 
 
 def apart_words(metres: float, resolution: float) -> str:

@@ -51,10 +51,7 @@ def check_poses(
     progress : callable
         Receives the share done.
     """
-    of_scans = 0.5 if graph else 1.0
-    checked = check_scans(cloud, scans, lambda done: progress(of_scans * done))
-    of_edges = 1.0 - of_scans
-    edges: tuple[EdgeError, ...] = ()
-    if graph:
-        edges = check_edges(checked, cloud, scans, graph, lambda done: progress(of_scans + of_edges * done))
+    part = 0.5 if graph else 1.0
+    checked = check_scans(cloud, scans, lambda done: progress(part * done))
+    edges = check_edges(checked, cloud, scans, graph, lambda done: progress(part + part * done)) if graph else ()
     return CheckedPoses(checked.rows, edges, checked.drift, checked.corrections.motion, checked.scene.places)

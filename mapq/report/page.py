@@ -70,8 +70,9 @@ def _limits(verdict: Mapping[str, Any], coverage: float | None) -> Iterator[tupl
         yield False, "how far scans are apart is not known"
     elif apart is not None and off is not None:
         limit = f"{'within' if off <= apart else 'more than'} {number(apart, 3)} m"
-        kind = escape(verdict["scans_apart_surface"])
-        yield off <= apart, f"scans are {number(off, 3)} m apart in the median of {kind} surfaces, {limit}"
+        kind = verdict.get("scans_apart_surface")
+        surfaces = f" of {escape(kind)} surfaces" if kind else ""
+        yield off <= apart, f"scans are {number(off, 3)} m apart in the median{surfaces}, {limit}"
     if least is not None and coverage is not None:
         holds = coverage >= least
         yield holds, f"{'at least' if holds else 'less than'} {percent(least)} judged"

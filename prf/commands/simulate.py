@@ -78,12 +78,12 @@ def simulate(
 
     if output is None or output == STREAM:
         raise UsageError("the result is a directory. Name one with -o DIR.")
-    refuse_existing(output, force, is_folder=True)
-    claim(output)
-    refuse_absent_sensor(settings.sources, laser, sonar)
     errors = settings.settings.trajectory
     if errors.pose_noise == "auto":
         raise UsageError("--pose-noise auto: there are no scans to judge by yet. Give METRES RADIANS.")
+    refuse_existing(output, force, is_folder=True)
+    claim(output)
+    refuse_absent_sensor(settings.sources, laser, sonar)
     options = {"size": size, "scale": scale, "path": path, "readings": readings, "pose_noise": errors.pose_noise}
     config = config_of(settings.settings.simulate, world, laser, sonar, odometry_noise=errors.step_noise, **options)
     with progress(1.0, "casting beams") as bar:

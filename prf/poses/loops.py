@@ -36,7 +36,7 @@ FORCE = 10.0  # times that it holds what it joins
 POINTS_WORTH = 30.0  # nats that a score of one piece is worth
 LEAST_ODDS, MOST_WAYS = -3.0, 4  # log odds of a way that is kept, and how many are
 BROKEN = 1e-3  # share of what holds a step that is left where the robot was carried
-LEAST_RELIEF = 20.0  # nats by which given poses fit better if it was, about what the density of a step takes for that
+LEAST_RELIEF = 20.0  # nats by which given poses must fit better for that, about what its prior costs
 NO_LOOPS = Relations(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 3, 3)))
 
 
@@ -73,7 +73,10 @@ def close_loops(scans: WallPoints, followed: Followed, chain: Pull) -> list[Way]
 
 
 def _put_down(poses: Floats, chain: Pull, steps: Sequence[int]) -> Floats:
-    """Return the poses that fit, of which no step holds over which given ones have it that the robot was carried."""
+    """Return the poses (n, 3) that fit when the robot may have been carried where given poses have it so.
+
+    `steps`: those that scans doubt. The ones over which it was are weakened in `chain`.
+    """
     root = chain.relations.root
     for step in steps:
         strain, held = chain.strain(poses), root[step].copy()
