@@ -34,6 +34,7 @@ from mapq.results.evaluate import Scores, score_labels
 from mapq.results.reasons import Reason, Reasons, Region, find_regions, largest_median, medians_by_kind
 from mapq.results.verdict import MIN_COVERAGE, resolution_of, tolerance_of, verdict_of
 from mapq.results.visits import Visits, visits_of
+from mapq.segmentation.parameters import refuse_other_unit
 from prf.shell.cli.console import Report
 from prf.shell.cli.outputs import refuse_existing
 from prf.shell.cli.pictures import card
@@ -377,9 +378,10 @@ def assess(
 
     `tolerance`: metres; None: chosen for the map (:func:`mapq.results.verdict.tolerance_of`).
 
-    Raises InputError if the model asks for features that this release does not have, or there is no default model;
-    ArgumentError if it did not learn the tolerance.
+    Raises InputError if the points are too far apart to be in metres, the model asks for features that this release
+    does not have, or there is no default model; ArgumentError if it did not learn the tolerance.
     """
+    refuse_other_unit(patches.parameters.get("spacing", 0.0), patches.cloud.source or "the map")
     model = model or read_default_model()
     features = patch_features(patches, feature_settings(model), progress)
     used = tolerance_of(features, model, tolerance)

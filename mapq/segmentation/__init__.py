@@ -20,7 +20,7 @@ from mapq.kernels.planes import MOMENTS
 from mapq.kernels.regions import PLANE_BITS, number_plane_cells, sum_regions
 from mapq.patches import FEW_FLAT, Patches, surface_kinds
 from mapq.segmentation.curved import BEND, MSE, PLACE, find_cylinders, spread_cylinders
-from mapq.segmentation.parameters import Parameters, choose_parameters, refuse_other_unit
+from mapq.segmentation.parameters import FARTHEST_APART, Parameters, choose_parameters
 from mapq.segmentation.points import Points, sort_points
 from mapq.segmentation.regions import MERGE_RMS, Core, Fits, find_regions, fit_sums, make_core, merge, spread_out
 from prf.shell.cli.console import Report
@@ -51,8 +51,8 @@ def segment(
 
     `cloud`: points without three finite coordinates belong to no patch. `settings`: what is None is estimated from the
     cloud; all values used are in the result's `parameters`. `progress`: receives the number of stages done and the name
-    of the next (:data:`STAGES`). Raises InputError if fewer than three distinct points are finite, all lie on one line,
-    or they are too far apart to be in metres; UsageError if a setting is outside its domain.
+    of the next (:data:`STAGES`). Raises InputError if fewer than three distinct points are finite, or all lie on one
+    line; UsageError if a setting is outside its domain.
 
     Largest first, unlabelled. There may be none: then the report has a warning.
     """
@@ -63,7 +63,6 @@ def segment(
     _refuse_lines(points, cloud)
     _report(progress, 1)
     chosen = choose_parameters(points, settings, quarter)
-    refuse_other_unit(chosen, cloud.source or "the cloud")
     region, curved, core = cut_points(points, chosen, lambda stage: _report(progress, stage))
     _report(progress, 4)
     regions = describe_regions(points, region, points.multiplicity(), curved, chosen)
@@ -278,6 +277,8 @@ def warnings_of(chosen: Parameters, found: dict[str, Any]) -> list[str]:
         )
     elif found["patches"] == 0:
         warnings.append("no patches: no part of this cloud is a plane at its spacing and noise.")
+    if chosen.spacing > FARTHEST_APART:
+        warnings.append(f"points are {chosen.spacing:.3g} m apart. If they are in another unit: --unit mm, cm or ft.")
     if chosen.narrow_share > MANY_NARROW:
         warnings.append(
             f"{chosen.narrow_share:.0%} of the points have neighbours along one scan line only, or within the noise, "

@@ -188,12 +188,12 @@ def choose_parameters(points: Points, settings: SegmentSettings, quarter: int) -
     )
 
 
-def refuse_other_unit(chosen: Parameters, name: str) -> None:
-    """Raise InputError if the points of a cloud of this name are too far apart to be in metres."""
-    if chosen.spacing > FARTHEST_APART:
+def refuse_other_unit(spacing: float, name: str) -> None:
+    """Raise InputError if points of a map of this name are so many metres apart that they are in another unit."""
+    if spacing > FARTHEST_APART:
         raise InputError(
-            f"{name}: its points are {chosen.spacing:.3g} m apart, too far to show surfaces. If they are in another "
-            "unit, give it: --unit mm, cm or ft."
+            f"{name}: its points are {spacing:.3g} m apart, too far to judge surfaces. If they are in another unit, "
+            "give it to the command that reads the cloud: --unit mm, cm or ft."
         )
 
 

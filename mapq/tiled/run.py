@@ -211,7 +211,7 @@ def _estimate(
     if len(points.xyz) < FEWEST_POINTS:
         raise InputError(f"{name}: {len(points.xyz)} distinct points; a plane needs {FEWEST_POINTS}.")
     chosen = choose_parameters(points, settings, quarter)
-    refuse_other_unit(chosen, name)
+    refuse_other_unit(chosen.spacing, name)
     low, high = box = plan.box(quarter)
     if float((high - low).max()) >= MOST_SPACINGS * chosen.spacing:
         middle = np.quantile(sample, (0.01, 0.99), axis=0)

@@ -87,18 +87,18 @@ def test_no_patches_is_a_result_with_a_warning(capsys, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("name", "columns", "fewest"),
+    ("name", "options", "fewest"),
     [
-        ("dxmcu_map/pcd/0.pcd", "4", 40),
-        ("newer_college_01/planes_000000.bin", "3", 8),
-        ("na_localization_maps/fenchalu/cloud_map.pcd", "4", 15),
-        ("pcl_data/region_growing_tutorial.pcd", "4", 20),
-        ("small_gicp_pair/target.ply", "4", 8),
+        ("dxmcu_map/pcd/0.pcd", (), 40),
+        ("newer_college_01/planes_000000.bin", ("--set", "cloud.bin_columns=3"), 8),
+        ("na_localization_maps/fenchalu/cloud_map.pcd", (), 15),
+        ("pcl_data/region_growing_tutorial.pcd", ("--unit", "mm"), 20),
+        ("small_gicp_pair/target.ply", (), 8),
     ],
 )
-def test_real_clouds(capsys, shared_data, tmp_path, name, columns, fewest):
+def test_real_clouds(capsys, shared_data, tmp_path, name, options, fewest):
     path = shared_data / "mapq" / name
-    code, out, _ = run(capsys, str(path), "-o", str(tmp_path / "p"), "--set", f"cloud.bin_columns={columns}", "--json")
+    code, out, _ = run(capsys, str(path), "-o", str(tmp_path / "p"), *options, "--json")
     report = json.loads(out)["report"]
     assert code == 0
     assert report["patches"] >= fewest

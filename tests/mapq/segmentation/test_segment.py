@@ -8,6 +8,7 @@ from mapq.cloud import PointCloud
 from mapq.configuration import SURFACES, SegmentSettings
 from mapq.features import measure_shapes
 from mapq.patches import Patches
+from mapq.results.result import assess
 from mapq.segmentation import segment
 from prf.shell.errors import InputError
 from tests.reference.mapq_segment import cloud_of, ground, plane_of, scan_lines, wall
@@ -161,16 +162,18 @@ class TestTraps:
         np.testing.assert_array_equal(patches.patch[~bad], clean.patch)
         assert patches.report["points_not_finite"] == 4
 
-    @pytest.mark.parametrize("unit", [1e-3, 0.3048, 10.0])
+    @pytest.mark.parametrize("unit", [1e-3, 0.3048, 1e3])
     def test_any_unit_of_length(self, unit: float) -> None:
         cloud, truth = cloud_of(wall(rng(1)), wall(rng(2), offset=0.2))
         patches = segment(PointCloud(cloud.xyz * unit, np.zeros(3)))
         assert min(best_ious(patches, truth)[0]) > 0.9
         assert patches.parameters["noise"] == pytest.approx(0.02 * unit, rel=0.3)
 
-    def test_millimetres_taken_for_metres_are_refused(self) -> None:
+    def test_millimetres_taken_for_metres_are_warned_of_and_not_judged(self) -> None:
+        patches = segment(PointCloud(1e3 * wall(rng(1)), np.zeros(3), source="my.xyz"))
+        assert any("--unit mm" in warning for warning in patches.report["warnings"])
         with pytest.raises(InputError, match=r"my\.xyz: its points are .* m apart.* --unit mm"):
-            segment(PointCloud(1e3 * wall(rng(1)), np.zeros(3), source="my.xyz"))
+            assess(patches)
 
     def test_survey_coordinates(self) -> None:
         xyz = wall(rng(1))
