@@ -33,7 +33,7 @@ from prf.sampler.checkpoint import stored_config
 from prf.sampler.extend import extended_configuration, prepare_extension
 from prf.sampler.prepare import Prepared, with_poses
 from prf.sampler.session import Session, StopRule, drive
-from prf.shell.cli.console import ProgressCallback, reported
+from prf.shell.cli.console import ProgressCallback, progress_if, reported
 from prf.shell.cli.outputs import exclusive, refuse_existing, refuse_inputs
 from prf.shell.cli.run import graceful_stop
 from prf.shell.cli.settings import Loaded
@@ -173,7 +173,7 @@ def sample(
     logs = paths_of(chain.from_iterable(sources.values()))
     if folder is not None:
         refuse_inputs([str(folder)], logs)
-    with _held(folder, force):
+    with _held(folder, force), progress_if(progress):
         used_seed = resolve_seed(seed)
         prepared, set_by = _prepared(sources, loaded, extend, forget)
         prepared.announce()
@@ -215,7 +215,7 @@ def resume(
         If the run was made otherwise, cannot be read, or is being written by another process.
     """
     rule = _rule(steps, seconds)
-    with exclusive(run):
+    with exclusive(run), progress_if(progress):
         session = Session.resume(Path(run), dict(logs), requested, seed, _threads(threads))
         logger.info(f"resuming at step {session.ensemble.step}")
         return _run_to_goal(session, rule, scheduler, (progress, watch, on_interrupt))

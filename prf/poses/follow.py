@@ -14,6 +14,7 @@ from prf.poses.match import MOST_PULL, fit, place_of, search
 from prf.poses.model import PosePrior
 from prf.poses.plane import Floats, compose, seen_from, wrapped
 from prf.poses.scans import WallPoints
+from prf.shell.cli.console import Report, report_nothing
 
 BEFORE = 12  # states whose points make the place
 MOST = 100  # points of a scan that are matched
@@ -37,8 +38,8 @@ class Followed(NamedTuple):
     scale: Floats  # (2,) times by which places and turns of the odometry err more than it says, at least 1
 
 
-def follow(scans: WallPoints, prior: PosePrior) -> Followed:
-    """Return the odometry as its scans correct it."""
+def follow(scans: WallPoints, prior: PosePrior, report: Report = report_nothing) -> Followed:
+    """Return the odometry as its scans correct it; the share of scans followed is reported."""
     near = scans.select(np.hypot(*scans.point.T) < REACH)
     order = np.argsort(near.owner, kind="stable")
     ends = np.cumsum(np.bincount(near.owner, minlength=scans.n_states))[:-1]
@@ -60,6 +61,7 @@ def follow(scans: WallPoints, prior: PosePrior) -> Followed:
             found[step], known[step], held[step] = _refined(ways[0][0], own, seen, normal, found[step], held[step])
             _, fits[step] = fit(place, own, found[step])
         poses[state] = compose(poses[step], found[step])
+        report(state / n)
     return _fused(prior, found, known, held, fits)
 
 

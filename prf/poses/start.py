@@ -22,6 +22,7 @@ from prf.poses.pieces import LoopMatch
 from prf.poses.plane import Floats
 from prf.poses.scans import WallPoints, scans_of
 from prf.readings import Readings
+from prf.shell.cli.console import Report, progress
 
 logger = logging.getLogger(__name__)
 
@@ -99,8 +100,15 @@ def find_start(model: PoseModel, laser: Readings, noise: float) -> Start:
     if not len(scans.owner):
         return Start(model, scans, [Agreed(given.copy(), pull_of(model.prior), 1.0)], [])
     logger.info(f"laying {len(given):,} scans on one another, for a trajectory to start from ...")
-    ways, error = [Way(given, [], 0.0)], float(model.prior.noise[0] @ [1.0, FAR])
-    followed = follow(scans, model.prior) if len(model.prior.motion) else None
+    with progress(3.0, "laying scans on one another") as report:
+        return _agreed(model, scans, report)
+
+
+def _agreed(model: PoseModel, scans: WallPoints, report: Report) -> Start:
+    """Return where chains start, of wall points of scans; following, loops and aligning take about a third each."""
+    ways, error = [Way(model.prior.given, [], 0.0)], float(model.prior.noise[0] @ [1.0, FAR])
+    followed = follow(scans, model.prior, report) if len(model.prior.motion) else None
+    report(1.0)
     if followed is not None:
         _warn_of_gaps(model.prior, followed.fits)
         model = _as_it_errs(model, followed.scale)
@@ -111,10 +119,12 @@ def find_start(model: PoseModel, laser: Readings, noise: float) -> Start:
     whole = scans
     scans = scans.select(np.arange(len(scans.owner)) % (1 + len(scans.owner) // MOST_POINTS) == 0)
     odds = np.exp([way.log_odds for way in ways])
-    agreed = []
+    agreed = list[Agreed]()
     for way, share in zip(ways, (odds / odds.sum()).tolist(), strict=True):
+        report(2.0 + len(agreed) / len(ways))
         pull = pull_of(model.prior) if followed is None else _as_followed(model.prior, way.poses, followed)
-        agreed.append(Agreed(align(scans, way.poses, pull, error, np.random.default_rng(0)), pull, share))
+        poses = align(scans, way.poses, pull, error, np.random.default_rng(0))
+        agreed.append(Agreed(poses, pull, share))
     weight = independence(whole, agreed[0].poses)
     scans = scans._replace(weight=weight * scans.weight)
     found = Start(model, scans, agreed, ways[0].loops, weight)

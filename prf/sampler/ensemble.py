@@ -54,7 +54,8 @@ class Ensemble:
     """Chains of one target that advance in step, one a generator.
 
     Chains start alike, or each from its map of an `earlier` run. With a `plan` every chain has a temperature ladder,
-    from the start or once chains disagree. The tiles of all chains are worked in `threads`.
+    from the start or once chains disagree. In `threads` poses to start from are drawn, and the tiles of all chains
+    worked.
     """
 
     def __init__(
@@ -74,7 +75,7 @@ class Ensemble:
             like = self.chains[0].chain if self.chains else None
             own = earlier[i] if earlier else None
             self.chains.append(ChainRun(target, rng, self.probe_pixels, None, starts_from, like, is_cooled, own))
-        start_apart([chain.poses for chain in self.chains if chain.poses is not None], generators)
+        start_apart([chain.poses for chain in self.chains if chain.poses is not None], generators, threads)
         self._awaited = plan if plan is not None and plan.temperatures > 1 else None
         self._blocks = 0  # whole blocks of steps at the start of the round
         if self._awaited is not None and not self._awaited.waits:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +29,7 @@ from prf.poses.plane import wrapped
 from prf.sampler.bends import NO_FIELDS, Fields, soft_fields
 from prf.sampler.schedules import Plain, Steps
 from prf.sampler.target import NO_LASER, NO_SONAR, Target, poses_of, rays_of, repaint, settle_image
+from prf.shell.cli.console import progress
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -149,19 +151,26 @@ class PoseTurns(Plain):
         self.state = self.state._replace(fields=found, field_grid=grid, mixture=np.zeros(found.shape[1:]))
 
 
-def start_apart(turns: Sequence[PoseTurns], generators: Sequence[np.random.Generator]) -> None:
+def start_apart(turns: Sequence[PoseTurns], generators: Sequence[np.random.Generator], threads: int = 1) -> None:
     """Have the chains of a target start at draws of their poses, about, in pairs that are disturbed in opposite ways.
 
     They start apart as the posterior is wide, and the mean of all is about where scans agree best: a chain leaves its
-    start but slowly. Where there are several ways that the robot may have gone, pairs share these.
+    start but slowly. Where there are several ways that the robot may have gone, pairs share these. So many `threads`
+    draw at once, which changes no bit.
     """
-    seed = 0
-    for k, (each, rng) in enumerate(zip(turns, generators, strict=False)):
-        model = each.target.poses
-        if model is not None and model.draw_start is not None:
-            seed = int(rng.integers(2**62)) if k % 2 == 0 else seed
-            way = (k // 2 + 0.5) / math.ceil(0.5 * len(turns))
-            each.first = model.draw_start(np.random.default_rng(seed), 1.0 if k % 2 == 0 else -1.0, way)
+    model = turns[0].target.poses if turns else None
+    if model is None or (draw := model.draw_start) is None:
+        return
+    seeds = [int(rng.integers(2**62)) for rng in generators[: len(turns) : 2]]
+
+    def drawn(k: int) -> Floats:
+        way = (k // 2 + 0.5) / len(seeds)
+        return draw(np.random.default_rng(seeds[k // 2]), 1.0 if k % 2 == 0 else -1.0, way)
+
+    with progress(len(turns), "drawing starts") as report, ThreadPoolExecutor(threads) as pool:
+        for k, (each, found) in enumerate(zip(turns, pool.map(drawn, range(len(turns))), strict=True)):
+            each.first = found
+            report(k + 1)
 
 
 def make_poses(target: Target, model: PoseModel, chain: Chain) -> Poses:

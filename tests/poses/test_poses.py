@@ -27,6 +27,7 @@ from prf.poses.start import find_start, find_trajectory
 from prf.readings import Readings
 from prf.sampler.ensemble import Ensemble
 from prf.sampler.prepare import prepare
+from prf.shell.cli.storage import spawn_generators
 from prf.shell.errors import ConfigError, InputError
 from tests.poses.drives import BLOCK, ROOM, driven_beside, odometry_of, off, readings_at, round_the_block
 
@@ -128,8 +129,9 @@ def test_beams_count_for_as_much_as_their_errors_are_independent(noise, related,
 def test_chains_start_in_pairs_on_opposite_sides_of_where_scans_agree():
     given = TRUTH + np.random.default_rng(3).normal(size=TRUTH.shape) * [0.1, 0.1, 0.02]
     target = prepare(Configuration.of(pose_noise=(0.1, 0.02)), readings_at(ROOM, TRUTH, given)).target
-    chains = Ensemble(target, [np.random.default_rng(seed) for seed in range(3)]).chains
+    chains, again = (Ensemble(target, spawn_generators(0, 3), threads=threads).chains for threads in (1, 2))
     one, other, third = (chain.poses.first for chain in chains)
+    np.testing.assert_array_equal([one, other, third], [chain.poses.first for chain in again])
     assert off(0.5 * (one + other), target.poses.start) < 0.3 * off(one, other)
     assert off(one, other) > 0.002
     assert off(one, third) > 0.002

@@ -71,6 +71,14 @@ def test_quiet_prints_nothing(clock: Clock, capsys: pytest.CaptureFixture[str], 
     assert capsys.readouterr() == ("", "")
 
 
+@pytest.mark.parametrize(("wanted", "n_lines"), [(True, 2), (False, 0), (lambda share, fields: None, 0)])
+def test_a_caller_who_wants_no_bar_gets_none(clock, capsys, wanted, n_lines) -> None:
+    with console.progress_if(wanted):
+        run(clock, n_updates=50, seconds_each=0.5)
+    assert len(capsys.readouterr().err.splitlines()) == n_lines
+    assert console.settings.progress
+
+
 def test_a_terminal_gets_a_bar_on_stderr(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     class Terminal(io.StringIO):
         def isatty(self) -> bool:

@@ -219,6 +219,16 @@ def reported(wanted: bool | ProgressCallback, total: float, description: str) ->
             yield report
 
 
+@contextmanager
+def progress_if(wanted: bool | ProgressCallback) -> Iterator[None]:
+    """Show progress of the block only where a Python caller wants a bar; `wanted` as in :func:`reported`."""
+    before, settings.progress = settings.progress, settings.progress and wanted is True
+    try:
+        yield
+    finally:
+        settings.progress = before
+
+
 def report_nothing(completed: float, **fields: object) -> None:
     """Show nothing (``-q``, ``--no-progress``, `progress=False`)."""
 
