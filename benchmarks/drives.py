@@ -12,14 +12,21 @@ import shapely
 from numpy.typing import NDArray
 
 from benchmarks.commands import made
+from prf.configuration import ODOMETRY
+from prf.poses.model import step_spread
 from prf.poses.plane import compose, seen_from
 from prf.readings import read_readings
 
 Floats = NDArray[np.float64]
 
 TUNING, JUDGING = (1, 2, 3), (11, 12, 13, 14, 15)
-REAL = {TUNING: ("intel",), JUDGING: ("freiburg-101", "aces", "csail")}
+REAL = {
+    "real": {TUNING: ("intel",), JUDGING: ("freiburg-101", "aces", "csail")},
+    "beside": {TUNING: ("intel",), JUDGING: ("freiburg-079", "belgioioso", "edmonton", "fhw")},
+}
 MOST_SCANS = 300  # of a public log, evenly; more take longer and say no more
+MOST_FOLLOWED = 1000  # where scans are followed from one to the next
+TURNING = 0.02  # radians a radian by which wheels turn too far besides, as those of an unequal tread do
 SIZE = [20.0, 14.0]  # metres, of an office
 
 
@@ -46,6 +53,7 @@ CASES = {
     "repeating": Case(odometry="wheels"),
     "ambiguous": Case(odometry="poor"),
     "real": Case([0.15, 0.03]),
+    "beside": Case([0.5, 0.1], "wheels"),
 }
 
 
@@ -56,6 +64,7 @@ class Drive(NamedTuple):
     poses: Path | None  # those that err, where they are not the log's own
     every_scan: int
     truth: Floats  # (n_scans, 3) of all scans of the log
+    odometry: Path | None = None  # beside poses
 
 
 def ring(rng: np.random.Generator, larger: float, is_repeating: bool) -> tuple[shapely.Geometry, shapely.LinearRing]:
@@ -137,11 +146,40 @@ def simulated(folder: Path, name: str, seed: int) -> Drive:
     return Drive(log, None, 1, carry(log, truth, seed) if name == "carried" else truth)
 
 
-def disturbed(folder: Path, log: Path, noise: list[float], seed: int) -> Drive:
-    """Write poses of a log with errors added, one for each scan; the log's own are the truth."""
+def disturbed(folder: Path, log: Path, case: Case, seed: int) -> Drive:
+    """Write poses of a log with errors added, one for each scan; the log's own are the truth.
+
+    So is odometry beside them, where the case has it: their steps with errors of wheels.
+    """
     truth = read_readings(str(log)).notes.scans.pose
-    given = truth + np.random.default_rng(seed).standard_normal(truth.shape) * [noise[0], *noise]
-    file = folder / "given.csv"
+    place, heading = case.pose_noise or (0.0, 0.0)
+    given = truth + np.random.default_rng(seed).standard_normal(truth.shape) * [place, place, heading]
+    poses, driven = folder / "given.csv", None
     folder.mkdir(parents=True, exist_ok=True)
-    np.savetxt(file, given, fmt="%.6f", delimiter=",", header="x,y,theta", comments="")
-    return Drive(log, file, -(-len(truth) // MOST_SCANS), truth)
+    _write_poses(poses, given)
+    if case.odometry is not None:
+        driven = folder / "odometry.csv"
+        _write_poses(driven, _odometry(truth, case.odometry, np.random.default_rng([seed, 1])))
+    most = MOST_SCANS if driven is None else MOST_FOLLOWED
+    return Drive(log, poses, -(-len(truth) // most), truth, driven)
+
+
+def recorded(folder: Path, log: Path) -> Drive:
+    """Return the drive of the Intel lab: its own odometry, poses of a scan matcher, and those of the log as truth."""
+    poses, odometry = (folder / f"intel-{name}.txt.gz" for name in ("Pose", "Odom"))
+    return Drive(log, poses, 1, read_readings(str(log)).notes.scans.pose, odometry)
+
+
+def _odometry(truth: Floats, kind: str, rng: np.random.Generator) -> Floats:
+    """Return the way (n, 3) that wheels of a kind have a robot go from the first true pose."""
+    motion = seen_from(truth[:-1], truth[1:])
+    steps = motion + rng.standard_normal(motion.shape) * step_spread(motion, ODOMETRY[kind])
+    steps[:, 2] += TURNING * np.abs(motion[:, 2])
+    poses = [truth[0]]
+    for step in steps:
+        poses.append(compose(poses[-1], step))
+    return np.array(poses)
+
+
+def _write_poses(path: Path, poses: Floats) -> None:
+    np.savetxt(path, poses, fmt="%.6f", delimiter=",", header="x,y,theta", comments="")

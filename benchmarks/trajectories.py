@@ -8,8 +8,9 @@ Run it from the repository's root::
 `loop` is a ring of corridors whose poses are odometry, `long` a larger one; in `carried` the robot is carried 11 m,
 `repeating` looks the same every 4 m, `ambiguous` too, at poorer odometry. `real` are public logs with corrected poses,
 to which errors as of `large` are added: what their own poses err by counts as an error of all that is judged there.
+`beside` are public logs too, with larger errors and odometry in a file beside the poses; of Intel its own.
 
-Tuned was on the worlds of seeds 1 to 3 and on Intel, never on what --judge takes: seeds 11 to 15, and three other
+Tuned was on the worlds of seeds 1 to 3 and on Intel, never on what --judge takes: seeds 11 to 15, and other
 buildings. Judged are the poses as given; those at which a scan matcher with a pose graph has the scans agree
 (`prf.poses.start.find_trajectory`); and the posterior means of `prf sample`, with the share of intervals of 95 % that
 hold the truth. ATE and RPE (scan to scan) are those of evo, of places after alignment, where it is installed (extra
@@ -31,7 +32,7 @@ from numpy.typing import NDArray
 
 from benchmarks import commands
 from benchmarks.commands import made, say
-from benchmarks.drives import CASES, JUDGING, REAL, TUNING, Case, Drive, Floats, disturbed, simulated
+from benchmarks.drives import CASES, JUDGING, REAL, TUNING, Case, Drive, Floats, disturbed, recorded, simulated
 from prf.configuration import Configuration
 from prf.poses.model import pose_model
 from prf.poses.plane import wrapped
@@ -48,7 +49,8 @@ HEADS = ("metres", "radians", "ate", "rpe", "seconds", "steps")
 def matched(drive: Drive, case: Case) -> tuple[NDArray[np.int64], Floats, Floats, float]:
     """Return scans, their given poses, the poses at which they agree, and the seconds that it took to find these."""
     poses = None if drive.poses is None else str(drive.poses)
-    config = Configuration.of(**case._asdict(), poses=poses, every_scan=drive.every_scan)
+    file = None if drive.odometry is None else str(drive.odometry)
+    config = Configuration.of(**case._asdict(), poses=poses, every_scan=drive.every_scan, odometry_file=file)
     whole = read_configured(config, [str(drive.log)])[0]
     assert whole is not None
     laser = thin(whole, **config.readings.selection()).within(default_max_range(whole))
@@ -70,6 +72,7 @@ def sampled(drive: Drive, case: Case, folder: Path, options: argparse.Namespace)
         seed=options.seed,
         threads=options.threads,
         **given,
+        **({} if drive.odometry is None else {"trajectory.file": drive.odometry}),
     )
     return result, np.loadtxt(folder / "run" / "trajectory.csv", delimiter=",", skiprows=1)
 
@@ -150,11 +153,15 @@ def lines(name: str, found: dict[str, Any]) -> Iterator[str]:
 
 def drive_of(name: str, kind: str, options: argparse.Namespace) -> Drive | None:
     """Make the drive of a world or a building; None where its log is absent."""
-    folder, noise = options.folder / f"{kind}-{name}", CASES[kind].pose_noise
-    if kind != "real" or noise is None:
+    folder = options.folder / f"{kind}-{name}"
+    if kind not in REAL:
         return simulated(folder, kind, int(name))
     log = commands.log_path(options.data, name)
-    return None if log is None else disturbed(folder, log, noise, options.seed)
+    if log is None:
+        return None
+    if (kind, name) == ("beside", "intel"):
+        return recorded(options.data / "odometry", log)
+    return disturbed(folder, log, CASES[kind], options.seed)
 
 
 def main() -> None:
@@ -170,7 +177,7 @@ def main() -> None:
     if not HAS_EVO:
         say("evo is not installed (extra bench): no ATE and no RPE")
     for kind in options.cases:
-        for name in options.worlds or map(str, REAL[chosen] if kind == "real" else chosen):
+        for name in options.worlds or map(str, REAL[kind][chosen] if kind in REAL else chosen):
             folder = options.folder / f"{kind}-{name}"
             kept = folder / f"figures-{options.seconds:.0f}s.json"
             if options.again or not kept.exists():

@@ -13,9 +13,9 @@ import shapely
 
 import prf.cli
 from benchmarks import commands, trajectories
-from benchmarks.drives import JUDGING, TUNING, disturbed, loop_world
+from benchmarks.drives import JUDGING, TUNING, Case, disturbed, loop_world
 from prf.configuration import Configuration
-from prf.poses.plane import compose
+from prf.poses.plane import compose, seen_from
 from prf.simulate import read_world
 from prf.simulate.path import read_path
 
@@ -109,10 +109,16 @@ def test_a_ring_is_driven_round_once_and_a_bit(tmp_path: Path, seed: int) -> Non
 
 
 def test_poses_of_a_log_are_disturbed_one_by_one(data_dir: Path, tmp_path: Path) -> None:
-    drive = disturbed(tmp_path, data_dir / "demo-rooms.log.gz", [0.15, 0.03], 1)
+    drive = disturbed(tmp_path, data_dir / "demo-rooms.log.gz", Case([0.15, 0.03], "wheels"), 1)
     assert drive.poses is not None
     off = np.loadtxt(drive.poses, delimiter=",", skiprows=1) - drive.truth
     assert (off / [0.15, 0.15, 0.03]).std() == pytest.approx(1.0, abs=0.2)
+    assert drive.odometry is not None
+    driven = np.loadtxt(drive.odometry, delimiter=",", skiprows=1)
+    np.testing.assert_allclose(driven[0], drive.truth[0], atol=1e-6)
+    made, true = (seen_from(each[:-1], each[1:]) for each in (driven, drive.truth))
+    away = np.hypot(*(driven - drive.truth)[:, :2].T)
+    assert np.hypot(*(made - true)[:, :2].T).max() < 0.5 * away.max(), "errors add up along the way"
 
 
 # Figures of the benchmark of trajectories, on poses whose errors are known.
