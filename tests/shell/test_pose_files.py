@@ -220,6 +220,9 @@ def test_bags_are_known_by_their_content(head: bytes, suffix: str) -> None:
 def test_the_bag_in_a_folder(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"without metadata.yaml and with no bag file. Give a log."):
         bag_in(tmp_path, "Give a log.")
+    (tmp_path / "first.log").touch()
+    with pytest.raises(InputError, match=r"Give one of its files, such as .*first\.log\."):
+        bag_in(tmp_path, "Give a log.")
     (tmp_path / "a.mcap").touch()
     assert bag_in(tmp_path, "") == tmp_path / "a.mcap"
     (tmp_path / "b.db3").touch()

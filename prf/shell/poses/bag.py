@@ -84,7 +84,9 @@ def bag_in(folder: Path, accepted: str) -> Path:
     files = [file for suffix in SUFFIXES for file in sorted(folder.glob(f"*{suffix}"))]
     if len(files) != 1:
         has = f"{len(files)} bag files" if files else "no bag file"
-        raise InputError(f"{folder}: this is a folder without {METADATA} and with {has}. {accepted}")
+        first = next((file for file in files or sorted(folder.iterdir()) if file.is_file()), None)
+        mend = accepted if first is None else f"Give one of its files, such as {first}."
+        raise InputError(f"{folder}: this is a folder without {METADATA} and with {has}. {mend}")
     return files[0]
 
 
