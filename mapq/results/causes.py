@@ -260,9 +260,9 @@ def measure_spread(patches: Patches, patch: int, copies: list[int], visits: Visi
     rows = np.concatenate([own, *(points[start[other] : start[other + 1]] for other in copies)])
     rows = _thinned(rows[visits.moment[rows] >= 0], patches.cloud.xyz, visits.moment)
     height, place, normal = _over(patches, patch, rows)
-    cell = np.floor(place / CELL).astype(np.int64)
+    cell = _numbered(np.floor(place / CELL).astype(np.int64))
     is_own = patches.patch[rows] == patch
-    near = (np.abs(height) < reach) & _among(cell, cell[is_own])
+    near = (np.abs(height) < reach) & np.isin(cell, cell[is_own])
     if visits.to_sensor is not None:
         near &= _same_side((visits.to_sensor[rows] * normal).sum(axis=1), is_own)
     return nested_spread(height[near], cell[near], visits.moment[rows[near]], visits)
@@ -304,18 +304,19 @@ def _same_side(towards: Floats, is_own: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return np.asarray(np.sign(known) != -side) if side else np.ones(len(towards), bool)
 
 
-def _among(cells: Ints, chosen: Ints) -> NDArray[np.bool_]:
-    """Return which cells (n, 2) are among the chosen ones."""
-    _, number = np.unique(np.concatenate([cells, chosen]), axis=0, return_inverse=True)
-    number = number.ravel()
-    return np.asarray(np.isin(number[: len(cells)], number[len(cells) :]))
+def _numbered(cells: Ints) -> Ints:
+    """Return a number (n,) for each cell (n, 2): the cells of a surface lie in a rectangle."""
+    if len(cells) == 0:
+        return np.zeros(0, np.int64)
+    low = cells.min(axis=0)
+    return np.asarray((cells - low) @ [int(np.ptp(cells[:, 1])) + 1, 1])
 
 
 def nested_spread(height: Floats, cell: Ints, moment: Ints, visits: Visits) -> Spread:
-    """Return the spread of heights (n,) in cells (n, 2), seen at moments (n,)."""
+    """Return the spread of heights (n,) in cells (n,), seen at moments (n,)."""
     if len(height) == 0:
         return Spread(np.nan, np.nan, np.nan, 0, 0, None)
-    place = np.unique(cell, axis=0, return_inverse=True)[1].ravel()
+    place = np.unique(cell, return_inverse=True)[1]
     order = np.lexsort((moment, place))
     height, place, moment = height[order], place[order], moment[order]
     other_cell = np.diff(place) != 0

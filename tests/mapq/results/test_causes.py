@@ -234,7 +234,7 @@ def test_components_are_those_of_a_nested_analysis_of_variance():
     moment = np.repeat([0, 1, 4, 5], 2)
     point, scan, visit = (np.array(x) for x in ([-1, 1] * 4, [-1, -1, 1, 1] * 2, [-1] * 4 + [1] * 4))
     height = np.tile(0.01 * point + 0.1 * scan + 0.5 * visit, 2)
-    spread = nested_spread(height, np.repeat([[0, 0], [5, 1]], 8, axis=0), np.tile(moment, 2), visits)
+    spread = nested_spread(height, np.repeat([0, 51], 8), np.tile(moment, 2), visits)
     noise = 2 * 0.01**2  # sums of squares by degrees of freedom: 16 points in 8 scans
     assert spread.points == pytest.approx(np.sqrt(noise))
     # 8 scans in 4 visits: sum of squares 16 x 0.1^2; 16 points less 8 x 2^2 / 4.
