@@ -122,7 +122,8 @@ def judged(drive: Drive, case: Case, folder: Path, options: argparse.Namespace) 
     """Return the figures of one drive."""
     scan, given, agreed, seconds = matched(drive, case)
     result, table = sampled(drive, case, folder, options)
-    rows = np.searchsorted(scan, table[:, 0].astype(np.int64))
+    order = np.argsort(scan)  # the poses of a log whose clock runs backward are in the order of time
+    rows = order[np.searchsorted(scan, table[:, 0].astype(np.int64), sorter=order)]
     truth = drive.truth[scan[rows]]
     mean, sd = table[:, 2:5], table[:, 5:8]
     run = {name: result[name] for name in ("steps", "seconds", "converged", "reason")}
