@@ -13,8 +13,9 @@ to which errors as of `large` are added: what their own poses err by counts as a
 Tuned was on the worlds of seeds 1 to 3 and on Intel, never on what --judge takes: seeds 11 to 15, and other
 buildings. Judged are the poses as given; those at which a scan matcher with a pose graph has the scans agree
 (`prf.poses.start.find_trajectory`); and the posterior means of `prf sample`, with the share of intervals of 95 % that
-hold the truth. ATE and RPE (scan to scan) are those of evo, of places after alignment, where it is installed (extra
-`bench`). Each drive is kept in build/benchmarks/trajectories with its figures; what is there is not made again.
+hold the truth; and how many squares of 5 cm hold returns, the fewer the sharper the map. ATE and RPE (scan to scan) are
+those of evo, of places after alignment, where it is installed (extra `bench`). Each drive is kept in
+build/benchmarks/trajectories with its figures; what is there is not made again.
 """
 
 from __future__ import annotations
@@ -34,20 +35,22 @@ from benchmarks import commands
 from benchmarks.commands import made, say
 from benchmarks.drives import CASES, JUDGING, REAL, TUNING, Case, Drive, Floats, disturbed, recorded, simulated
 from prf.configuration import Configuration
-from prf.poses.model import pose_model
+from prf.model.ranges import unit_vectors
+from prf.poses.model import PoseModel, pose_model
 from prf.poses.plane import wrapped
 from prf.poses.start import find_trajectory
-from prf.readings import thin
+from prf.readings import Readings, thin
 from prf.readings.describe import default_max_range
 from prf.sampler.prepare import read_configured
 
 WITHIN = 1.96  # standard deviations that hold 95 %
 HAS_EVO = importlib.util.find_spec("evo") is not None
-HEADS = ("metres", "radians", "ate", "rpe", "seconds", "steps")
+CELL = 0.05  # metres
+HEADS = ("metres", "radians", "ate", "rpe", "cells", "seconds", "steps")
 
 
-def matched(drive: Drive, case: Case) -> tuple[NDArray[np.int64], Floats, Floats, float]:
-    """Return scans, their given poses, the poses at which they agree, and the seconds that it took to find these."""
+def matched(drive: Drive, case: Case) -> tuple[PoseModel, Readings, Floats, float]:
+    """Return poses as given, all readings, poses at which these agree, and the seconds that it took to find them."""
     poses = None if drive.poses is None else str(drive.poses)
     file = None if drive.odometry is None else str(drive.odometry)
     config = Configuration.of(**case._asdict(), poses=poses, every_scan=drive.every_scan, odometry_file=file)
@@ -57,7 +60,7 @@ def matched(drive: Drive, case: Case) -> tuple[NDArray[np.int64], Floats, Floats
     model = pose_model(laser, None, case.pose_noise, config.trajectory.step_noise)
     begun = time.perf_counter()
     found = find_trajectory(model, laser, config.laser.noise)
-    return model.scan, model.prior.given, found, time.perf_counter() - begun
+    return model, laser, found, time.perf_counter() - begun
 
 
 def sampled(drive: Drive, case: Case, folder: Path, options: argparse.Namespace) -> tuple[dict[str, Any], Floats]:
@@ -118,21 +121,41 @@ def held(mean: Floats, sd: Floats, truth: Floats) -> dict[str, float]:
     return {name: float(inside[free[:, k], k].mean()) for k, name in enumerate(("x", "y", "heading"))}
 
 
+def n_cells(model: PoseModel, laser: Readings, rows: NDArray[np.int64], poses: Floats) -> int:
+    """Return how many squares hold returns of the states `rows` (k,) at poses (k, 3): the fewer, the sharper the map.
+
+    It needs no truth, which of a public log is only what others made of it.
+    """
+    assert model.laser is not None
+    whole = np.zeros((len(model.scan), 3))
+    whole[rows] = poses
+    beams = model.placed(laser, None, whole)[0]
+    assert beams is not None
+    used = np.isin(model.laser.owner, rows) & np.isfinite(beams.range)
+    ends = beams.origin[used] + beams.range[used, None] * unit_vectors(beams.angle[used])
+    return len(np.unique(np.floor(ends / CELL), axis=0))
+
+
 def judged(drive: Drive, case: Case, folder: Path, options: argparse.Namespace) -> dict[str, Any]:
     """Return the figures of one drive."""
-    scan, given, agreed, seconds = matched(drive, case)
+    model, laser, agreed, seconds = matched(drive, case)
     result, table = sampled(drive, case, folder, options)
-    order = np.argsort(scan)  # the poses of a log whose clock runs backward are in the order of time
-    rows = order[np.searchsorted(scan, table[:, 0].astype(np.int64), sorter=order)]
-    truth = drive.truth[scan[rows]]
+    order = np.argsort(model.scan)  # the poses of a log whose clock runs backward are in the order of time
+    rows = order[np.searchsorted(model.scan, table[:, 0].astype(np.int64), sorter=order)]
+    truth = drive.truth[model.scan[rows]]
     mean, sd = table[:, 2:5], table[:, 5:8]
     run = {name: result[name] for name in ("steps", "seconds", "converged", "reason")}
+
+    def of(poses: Floats) -> dict[str, float]:
+        return {**errors(poses, truth), "cells": n_cells(model, laser, rows, poses)}
+
     return {
         "n_poses": len(table),
-        "given": errors(given[rows], truth),
-        "scans matched": {**errors(agreed[rows], truth), "seconds": seconds},
+        "truth": {"cells": n_cells(model, laser, rows, truth)},
+        "given": of(model.prior.given[rows]),
+        "scans matched": {**of(agreed[rows]), "seconds": seconds},
         "posterior mean": {
-            **errors(mean, truth),
+            **of(mean),
             **run,
             "held": held(mean, sd, truth),
             "mean_sd": sd.mean(axis=0),
@@ -143,10 +166,10 @@ def judged(drive: Drive, case: Case, folder: Path, options: argparse.Namespace) 
 def lines(name: str, found: dict[str, Any]) -> Iterator[str]:
     """Yield the figures of one drive for a person."""
     yield f"{name + ', ' + str(found['n_poses']) + ' poses':24}" + "".join(f"{head:>11}" for head in HEADS)
-    for row in ("given", "scans matched", "posterior mean"):
-        values = [f"{found[row][head]:,.4g}" if head in found[row] else "" for head in HEADS[:-1]]
-        steps = f"{found[row]['steps']:,}" if "steps" in found[row] else ""
-        yield f"  {row:22}" + "".join(f"{value:>11}" for value in (*values, steps))
+    for row in ("truth", "given", "scans matched", "posterior mean"):
+        values = [found[row].get(head, "") for head in HEADS]
+        words = [f"{value:,.4g}" if isinstance(value, float) else f"{value:,}" if value else "" for value in values]
+        yield f"  {row:22}" + "".join(f"{word:>11}" for word in words)
     last = found["posterior mean"]
     shares = ", ".join(f"{key} {share:.1%}" for key, share in last["held"].items())
     yield f"  intervals of 95 % hold {shares}; {last['reason']}"

@@ -15,9 +15,11 @@ import prf.cli
 from benchmarks import commands, trajectories
 from benchmarks.drives import JUDGING, TUNING, Case, disturbed, loop_world
 from prf.configuration import Configuration
+from prf.poses.model import pose_model
 from prf.poses.plane import compose, seen_from
 from prf.simulate import read_world
 from prf.simulate.path import read_path
+from tests.poses.drives import ROOM, readings_at
 
 TREES = {path.stem: ast.parse(path.read_text()) for path in Path(commands.__file__).parent.glob("*.py")}
 CALLS = ("prf", "made", "commands.prf", "commands.made")
@@ -122,6 +124,17 @@ def test_poses_of_a_log_are_disturbed_one_by_one(data_dir: Path, tmp_path: Path)
 
 
 # Figures of the benchmark of trajectories, on poses whose errors are known.
+
+
+def test_a_sharper_map_has_returns_in_fewer_squares() -> None:
+    rows = np.arange(40)
+    true = np.column_stack([np.linspace(1.0, 7.0, 40), np.full(40, 1.0), np.zeros(40)])
+    given = true + np.random.default_rng(1).standard_normal((40, 3)) * [0.1, 0.1, 0.02]
+    readings = readings_at(ROOM, true, given)
+    model = pose_model(readings, None, (0.1, 0.02))
+    sharp, blurred = (trajectories.n_cells(model, readings, rows, poses) for poses in (true, given))
+    assert 100 < sharp < 0.7 * blurred
+    assert trajectories.n_cells(model, readings, rows[:20], true[:20]) < sharp
 
 
 ALONG = np.linspace(0.0, 6.0, 400)
