@@ -90,7 +90,7 @@ def shown(value: Any) -> str:
 def main() -> None:
     """Print a line for every run, and one for every pair of seeds."""
     asked = commands.parser(__doc__, SECONDS)
-    asked.add_argument("--logs", nargs="+", default=list(LOGS), choices=LOGS)
+    asked.add_argument("--logs", nargs="+", default=list(LOGS), help="the office, or public logs")
     asked.add_argument("--seeds", nargs="+", type=int, default=[1, 2])
     asked.add_argument("--until-agreed", action="store_true", help="stop when the chains agree, half an hour at most")
     options = commands.parse(asked)
