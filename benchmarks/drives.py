@@ -26,7 +26,7 @@ REAL = {
 }
 MOST_SCANS = 300  # of a public log, evenly; more take longer and say no more
 MOST_FOLLOWED = 1000  # where scans are followed from one to the next
-TURNING = 0.02  # radians a radian by which wheels turn too far besides, as those of an unequal tread do
+TURNING = 0.02  # radians a radian by which odometry turns too far besides, as that of unequal wheels does
 SIZE = [20.0, 14.0]  # metres, of an office
 
 

@@ -17,6 +17,7 @@ from scipy.sparse.linalg import LinearOperator, cg, splu
 from prf.poses.graph import Disturbance, Pull
 from prf.poses.plane import Floats, compose
 from prf.poses.scans import WallPoints
+from prf.shell.cli.console import Report, report_nothing
 
 Ints = NDArray[np.int64]
 SECTORS = 8  # of the direction of normals
@@ -68,22 +69,31 @@ def _moved(poses: Floats, change: Floats) -> Floats:
     return compose(poses, np.clip(change, -STEP, STEP))
 
 
-def disturbed(scans: WallPoints, poses: Floats, pull: Pull, rng: np.random.Generator, sign: float = 1.0) -> Floats:
+def disturbed(
+    scans: WallPoints,
+    poses: Floats,
+    pull: Pull,
+    rng: np.random.Generator,
+    sign: float = 1.0,
+    report: Report = report_nothing,
+) -> Floats:
     """Return about a draw (n, 3) of the posterior: poses at which the scans agree if all errs once more as it may.
 
     Points, given poses and steps are disturbed by errors of their densities and the scans aligned again, from `poses`
-    (randomize then optimize, Bardsley et al. 2014). `sign`: -1 gives the draw of the opposite errors.
+    (randomize then optimize, Bardsley et al. 2014). `sign`: -1 gives the draw of the opposite errors. The share
+    done is reported.
     """
     upright = np.abs(np.einsum("ij,ij->i", scans.normal, scans.point)) / np.linalg.norm(scans.point, axis=1)
     push = sign * rng.standard_normal(len(scans.owner)) * upright / np.sqrt(scans.weight)
     n, k = len(poses), len(pull.relations.tail)
     disturbance = Disturbance(sign * rng.standard_normal((n, 3)), sign * rng.standard_normal((k, 3)))
     layout, settled = np.random.default_rng(0), []
-    for _ in range(DRAWING):
+    for done in range(1, DRAWING + 1):
         lines = settled_lines(scans, poses, layout)
         pushed = lines._replace(distance=lines.distance + np.resize(push, len(lines.distance)))
         poses = _moved(poses, _solve(pushed, poses, pull, disturbance))
         settled.append(poses)
+        report(done / DRAWING)
     return np.asarray(np.mean(settled[1 - SETTLING :], axis=0))
 
 

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from prf.kernels.poses.state import SLIP_REACH, SLIPPED
 from prf.poses.plane import Floats, compose, seen_from, wrapped
 from prf.readings import Readings
+from prf.shell.cli.console import Report
 from prf.shell.errors import InputError
 
 SAME_TIME = 0.1
@@ -167,7 +168,7 @@ class PoseModel:
     laser: LocalReadings | None = None
     sonar: LocalReadings | None = None
     # Draws (n, 3) of where chains start, round `start` (:meth:`prf.poses.start.Start.draw`); None: there
-    draw_start: Callable[[np.random.Generator, float, float], Floats] | None = None
+    draw_start: Callable[[np.random.Generator, float, float, Report], Floats] | None = None
     driven: Floats | None = None  # (n, 3) poses whose steps the odometry measured
     way: Floats | None = None  # (n, 2) metres driven and radians turned up to each state, along the whole log
     odometry: Sequence[float] | None = None  # its four numbers (:data:`prf.configuration.ODOMETRY`)
@@ -194,8 +195,8 @@ class PoseModel:
         prior = PosePrior(self.prior.given[kept], self.prior.noise[kept], *steps, self.prior.slip)
         start, draw = self.start[kept], self.draw_start
 
-        def drawn(rng: np.random.Generator, sign: float, way: float) -> Floats:
-            found: Floats = start.copy() if draw is None else draw(rng, sign, way)[kept]
+        def drawn(rng: np.random.Generator, sign: float, way: float, report: Report) -> Floats:
+            found: Floats = start.copy() if draw is None else draw(rng, sign, way, report)[kept]
             if prior.is_held:
                 found[0] = start[0]
             return found

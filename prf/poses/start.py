@@ -22,7 +22,7 @@ from prf.poses.pieces import LoopMatch
 from prf.poses.plane import Floats
 from prf.poses.scans import WallPoints, scans_of
 from prf.readings import Readings
-from prf.shell.cli.console import Report, progress
+from prf.shell.cli.console import Report, progress, report_nothing
 
 logger = logging.getLogger(__name__)
 
@@ -56,16 +56,18 @@ class Start(NamedTuple):
         """Return the poses (n, 3) of the likeliest way."""
         return self.ways[0].poses
 
-    def draw(self, rng: np.random.Generator, sign: float = 1.0, way: float = 0.0) -> Floats:
+    def draw(
+        self, rng: np.random.Generator, sign: float = 1.0, way: float = 0.0, report: Report = report_nothing
+    ) -> Floats:
         """Return poses (n, 3), about a draw of their posterior, so that chains start apart; sign -1: the opposite one.
 
-        `way`: a number from 0 to 1; ways have parts of it by their probabilities.
+        `way`: a number from 0 to 1; ways have parts of it by their probabilities. The share done is reported.
         """
         parts = np.cumsum([each.share for each in self.ways])
         poses, pull, _ = self.ways[min(int(np.searchsorted(parts, way, side="right")), len(parts) - 1)]
         if not len(self.scans.owner):
             return poses.copy()
-        found = disturbed(self.scans, poses, pull, rng, sign)
+        found = disturbed(self.scans, poses, pull, rng, sign, report)
         is_held = pull.sharpness[0] >= HELD
         found[0, is_held] = poses[0, is_held]
         return found

@@ -7,8 +7,9 @@ of beams, cones and sensors are laid out anew.
 from __future__ import annotations
 
 import math
+import threading
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import CancelledError, ThreadPoolExecutor
 
 import numpy as np
 from numpy.typing import NDArray
@@ -162,15 +163,24 @@ def start_apart(turns: Sequence[PoseTurns], generators: Sequence[np.random.Gener
     if model is None or (draw := model.draw_start) is None:
         return
     seeds = [int(rng.integers(2**62)) for rng in generators[: len(turns) : 2]]
+    shares, is_over = np.zeros(len(turns)), threading.Event()
 
     def drawn(k: int) -> Floats:
-        way = (k // 2 + 0.5) / len(seeds)
-        return draw(np.random.default_rng(seeds[k // 2]), 1.0 if k % 2 == 0 else -1.0, way)
+        def report(share: float) -> None:
+            shares[k] = share
+            show(float(shares.sum()))
+            if is_over.is_set():
+                raise CancelledError
 
-    with progress(len(turns), "drawing starts") as report, ThreadPoolExecutor(threads) as pool:
-        for k, (each, found) in enumerate(zip(turns, pool.map(drawn, range(len(turns))), strict=True)):
-            each.first = found
-            report(k + 1)
+        way = (k // 2 + 0.5) / len(seeds)
+        return draw(np.random.default_rng(seeds[k // 2]), 1.0 if k % 2 == 0 else -1.0, way, report)
+
+    with progress(len(turns), "drawing starts") as show, ThreadPoolExecutor(threads) as pool:
+        try:
+            for each, found in zip(turns, pool.map(drawn, range(len(turns))), strict=True):
+                each.first = found
+        finally:
+            is_over.set()  # Ctrl-C does not wait for draws of ten seconds
 
 
 def make_poses(target: Target, model: PoseModel, chain: Chain) -> Poses:

@@ -336,7 +336,7 @@ def _started(config: Configuration, beams: Readings | None, cones: Readings | No
     noise = pose_noise(config.trajectory.pose_noise, beams, config.laser.noise)
     found = pose_model(beams, cones, noise, config.trajectory.step_noise)
     if beams is None:
-        draw = None if len(found.prior.motion) else lambda rng, sign, way: found.prior.draw(rng, sign)
+        draw = None if len(found.prior.motion) else lambda rng, sign, way, report: found.prior.draw(rng, sign)
         model, weight = dataclasses.replace(found, draw_start=draw), 1.0
     else:
         start = find_start(found, beams, config.laser.noise)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -26,7 +27,9 @@ from prf.poses.scans import scans_of
 from prf.poses.start import find_start, find_trajectory
 from prf.readings import Readings
 from prf.sampler.ensemble import Ensemble
+from prf.sampler.poses import start_apart
 from prf.sampler.prepare import prepare
+from prf.shell.cli.console import report_nothing
 from prf.shell.cli.storage import spawn_generators
 from prf.shell.errors import ConfigError, InputError
 from tests.poses.drives import BLOCK, ROOM, driven_beside, odometry_of, off, readings_at, round_the_block
@@ -97,7 +100,7 @@ def test_chains_start_as_all_readings_have_it_however_few_are_used():
     target = prepare(config, readings_at(ROOM, TRUTH, given)).target
     assert target.laser.readings.n_beams < 15 * len(TRUTH)
     model = target.poses
-    drawn = [model.draw_start(np.random.default_rng(seed), 1.0, 0.0) for seed in (1, 2)]
+    drawn = [model.draw_start(np.random.default_rng(seed), 1.0, 0.0, report_nothing) for seed in (1, 2)]
     assert max(off(poses, TRUTH[model.scan]) for poses in drawn) < off(given, TRUTH) / 3.0
     assert off(*drawn) > 0.002
 
@@ -139,6 +142,18 @@ def test_chains_start_in_pairs_on_opposite_sides_of_where_scans_agree():
         chains[1].poses.start(chains[1].chain).beams.ray.shape, chains[1].chain.beams.ray.shape
     )
     np.testing.assert_array_equal(chains[1].poses.state.pose, other)
+
+
+def test_ctrl_c_does_not_wait_for_starts_that_are_being_drawn():
+    def draw(rng, sign, way, report):
+        if sign > 0.0:
+            raise KeyboardInterrupt
+        while True:
+            report(0.5)
+
+    turns = [SimpleNamespace(target=SimpleNamespace(poses=SimpleNamespace(draw_start=draw)))] * 2
+    with pytest.raises(KeyboardInterrupt):
+        start_apart(turns, spawn_generators(0, 2), threads=2)
 
 
 # How far given poses err.
@@ -371,7 +386,7 @@ def test_what_is_left_keeps_its_frames_whatever_is_thinned_away() -> None:
         np.testing.assert_allclose(local.at(used.start)[0], part.origin[chosen], atol=1e-12)
     assert len(used.start) == len(np.unique(np.concatenate([used.laser.owner, used.sonar.owner])))  # type: ignore[union-attr]
     assert used.draw_start is not None
-    np.testing.assert_array_equal(used.draw_start(np.random.default_rng(1), 1.0, 0.0), used.start)
+    np.testing.assert_array_equal(used.draw_start(np.random.default_rng(1), 1.0, 0.0, report_nothing), used.start)
 
 
 def test_odometry_needs_headings() -> None:
