@@ -33,6 +33,7 @@ IN_THE_MIDDLE = 4.0 * QUANTUM
 """Metres from the middle of the box within which rounding alone may have put a mean."""
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
 Number = TypeVar("Number", bound=np.number[Any])
 
 
@@ -148,3 +149,8 @@ def from_corner(patches: Patches, corner: Floats) -> Patches:
     cloud = patches.cloud
     cloud = replace(cloud, xyz=cloud.xyz - corner, shift=cloud.shift + corner / cloud.unit)
     return replace(patches, cloud=cloud, centroid=patches.centroid - corner)
+
+
+def keys_of(cells: Ints) -> Ints:
+    """Return one number (n,) for each cell (n, 2)."""
+    return np.asarray((cells[:, 0] << 32) + cells[:, 1])

@@ -111,7 +111,7 @@ def _facts(findings: Findings) -> Iterator[tuple[str, str]]:
         left = percent(verdict.get("unresolved_share_of_area"))
         yield "scans resolve", f"{resolved}; {left} of the area one scan alone saw, or several too little to compare"
     elif doubt := in_doubt(findings.label, findings.probability, findings.area):
-        yield "in doubt", f"{doubt}; mapq classify calls more of it with a smaller --tolerance"
+        yield "in doubt", f"{doubt}; mapq classify calls more of it with a smaller tolerance"
     expected = percent(counts.get("expected_share_of_area"))
     yield "expected", f"{expected} of the surface judged is wrong by the mean of p, if p holds for maps like this one"
     if verdict.get("cause") is not None and cloud.fields.get("cause") is not None:

@@ -8,11 +8,13 @@ elsewhere; what parts scans of one visit is local.
 
 from __future__ import annotations
 
+import logging
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mapq.axes import keys_of
 from mapq.configuration import SURFACES
 from mapq.features.shape import charted
 from mapq.features.table import PatchFeatures
@@ -50,8 +52,12 @@ FEWEST = 5
 """Points of a moment that sees a patch."""
 MOST_POINTS = 20_000
 """Of a patch and its copies that are looked at."""
+MANY = 500
+"""Suspicious patches from which on their causes take seconds."""
 MOST_NORMALS = 16
 """Of a curved patch along which the motions of scans are compared."""
+
+logger = logging.getLogger(__name__)
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -97,6 +103,8 @@ def find_causes(
     if visits is None:
         nothing = Cause(UNKNOWN, "the map does not record by which scans or when it was seen", {})
         return {int(patch): nothing for patch in np.flatnonzero(suspicious)}
+    if (n := np.count_nonzero(suspicious)) >= MANY:
+        logger.info(f"finding causes of {n:,} suspicious patches ...")
     copies, reach, apart = copies_of(features, len(patches)), reach_of(features), features.disagreement
     scans, level = _ScanMotions.of(patches, visits, poses), patches.kinds == SURFACES.index("level")
     found = {}
@@ -260,7 +268,7 @@ def measure_spread(patches: Patches, patch: int, copies: list[int], visits: Visi
     rows = np.concatenate([own, *(points[start[other] : start[other + 1]] for other in copies)])
     rows = _thinned(rows[visits.moment[rows] >= 0], patches.cloud.xyz, visits.moment)
     height, place, normal = _over(patches, patch, rows)
-    cell = _numbered(np.floor(place / CELL).astype(np.int64))
+    cell = keys_of(np.floor(place / CELL).astype(np.int64))
     is_own = patches.patch[rows] == patch
     near = (np.abs(height) < reach) & np.isin(cell, cell[is_own])
     if visits.to_sensor is not None:
@@ -304,16 +312,8 @@ def _same_side(towards: Floats, is_own: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return np.asarray(np.sign(known) != -side) if side else np.ones(len(towards), bool)
 
 
-def _numbered(cells: Ints) -> Ints:
-    """Return a number (n,) for each cell (n, 2): the cells of a surface lie in a rectangle."""
-    if len(cells) == 0:
-        return np.zeros(0, np.int64)
-    low = cells.min(axis=0)
-    return np.asarray((cells - low) @ [int(np.ptp(cells[:, 1])) + 1, 1])
-
-
 def nested_spread(height: Floats, cell: Ints, moment: Ints, visits: Visits) -> Spread:
-    """Return the spread of heights (n,) in cells (n,), seen at moments (n,)."""
+    """Return the spread of heights (n,), metres, in cells of these numbers (n,), seen at moments (n,)."""
     if len(height) == 0:
         return Spread(np.nan, np.nan, np.nan, 0, 0, None)
     place = np.unique(cell, return_inverse=True)[1]

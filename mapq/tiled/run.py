@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mapq.axes import GroundPlan, turn, turn_cloud
+from mapq.axes import GroundPlan, keys_of, turn, turn_cloud
 from mapq.cloud import PointCloud
 from mapq.configuration import Configuration, SegmentSettings
 from mapq.crf import classify, explain
@@ -33,7 +33,7 @@ from mapq.segmentation.points import FAR, sort_points
 from mapq.tiled.cut import Whole, cut_tile, unite
 from mapq.tiled.measure import Measuring
 from mapq.tiled.output import open_workers, plan_output, write_map
-from mapq.tiled.tiling import HALO_IN_GAPS, HALO_IN_SPACING, Counts, Tiling, WorkFolder, cells_of, keys_of, make_tiling
+from mapq.tiled.tiling import HALO_IN_GAPS, HALO_IN_SPACING, Counts, Tiling, WorkFolder, cells_of, make_tiling
 from prf.shell.cli.console import Report, progress, report_nothing
 from prf.shell.cli.files import work_folder
 from prf.shell.errors import InputError

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mapq.axes import turn
+from mapq.axes import keys_of, turn
 
 HALO_IN_GAPS, HALO_IN_SPACING = 8.0, 48.0
 """Width of the halo, in widest gaps that a patch may bridge, and in spacings of points."""
@@ -86,11 +86,6 @@ class Tiling(NamedTuple):
 def cells_of(xyz: Floats, side: float) -> Ints:
     """Return the cell (n, 2) of the ground plan of each point (n, 3)."""
     return np.clip(np.floor(xyz[:, :2] / side), -FARTHEST, FARTHEST).astype(np.int64)
-
-
-def keys_of(cells: Ints) -> Ints:
-    """Return one number (n,) for each cell (n, 2)."""
-    return np.asarray((cells[:, 0] << 32) + cells[:, 1])
 
 
 def make_tiling(found: Counts, most_points: int) -> Tiling:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mapq.axes import turn
+from mapq.axes import keys_of, turn
 from mapq.cloud import PointCloud
 from mapq.configuration import SegmentSettings
 from mapq.kernels.planes import MOMENTS
@@ -15,7 +15,7 @@ from mapq.segmentation.parameters import choose_parameters
 from mapq.segmentation.points import sort_points
 from mapq.tiled import tiling as module
 from mapq.tiled.cut import shared_pairs
-from mapq.tiled.tiling import Counts, keys_of, make_tiling
+from mapq.tiled.tiling import Counts, make_tiling
 
 
 @pytest.fixture(scope="module")
