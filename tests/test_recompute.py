@@ -414,7 +414,7 @@ def test_twins_agree_for_sensors_on_the_border_of_the_window(tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize("wanted", [10, pytest.param(10**6, marks=pytest.mark.slow)], ids=["short", "long"])
-@pytest.mark.parametrize("is_driven", [False, True], ids=["", "on the way, too"])
+@pytest.mark.parametrize("is_driven", [pytest.param(False, marks=pytest.mark.slow), True], ids=["", "on the way, too"])
 @pytest.mark.parametrize(
     "moves",
     [

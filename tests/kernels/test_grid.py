@@ -22,7 +22,7 @@ GRIDS = [
     pytest.param(Grid(0.0, 0.0, 0.1, 12, 9), id="tenths"),
     pytest.param(make_grid(*ROOM, 0.4), id="of a room"),
     pytest.param(make_grid(1e5, -3e5, 1e5 + 20.0, -3e5 + 12.0, 0.7), id="far from the origin"),
-    pytest.param(image_grid(Window(0.1, -0.3, 3.7, 2.25), 0.1), id="of an image"),
+    pytest.param(image_grid(Window(0.1, -0.3, 3.7, 2.25), 0.1), id="of an image", marks=pytest.mark.slow),
 ]
 HAIR = Fraction(1, 10**8)
 """Share of a cell within which a passage may be missed by rounding: nothing meets there but near a corner."""

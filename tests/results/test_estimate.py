@@ -227,8 +227,8 @@ def coverage(black: np.ndarray, low: np.ndarray, high: np.ndarray, share: float)
 
 
 @pytest.mark.parametrize("law", [markov, two_levels])
-@pytest.mark.parametrize("time", [0.5, 2.5, 8.0, 25.0])
-@pytest.mark.parametrize("share", [0.1, 0.3, 0.5])
+@pytest.mark.parametrize("time", [0.5, pytest.param(2.5, marks=pytest.mark.slow), 8.0, 25.0])
+@pytest.mark.parametrize("share", [0.1, pytest.param(0.3, marks=pytest.mark.slow), 0.5])
 def test_intervals_hold_as_often_as_promised(law, time: float, share: float) -> None:
     """Between 90 and 99.5 %: 2,000 series, coverages of 93 to 99 %, so a false alarm has p < 1e-3 in all of them."""
     black = law(1, share, time)
