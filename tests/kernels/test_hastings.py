@@ -25,9 +25,9 @@ SELDOM = {"cut wall", "join wall"}
 """Moves to whose result no way may lead back; of some a few in a hundred, so that the states here may show none."""
 
 
-FEW, MANY = 2, 18
+FEW, MANY = 1, 18
 """States of each of the five cases: as plain Python, and compiled."""
-LEAST = {FEW: 7, MANY: 50}
+LEAST = {FEW: 4, MANY: 50}
 """Valid attempts at each move among them."""
 
 

@@ -121,7 +121,7 @@ def test_what_is_farther_than_the_reach_is_one_event(ring: Ring) -> None:
     assert most > 0
 
 
-@pytest.mark.parametrize("view", [0.349, 2.5])
+@pytest.mark.parametrize("view", [0.349, pytest.param(2.5, marks=pytest.mark.slow)])
 def test_features_and_likelihoods_of_offices_are_the_slow_ones(view: float) -> None:
     """Right angles, walls in line, walls of two faces: what random draws never have."""
     rng = np.random.default_rng(2)

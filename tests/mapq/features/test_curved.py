@@ -60,7 +60,15 @@ def test_neither_order_nor_quarter_turns_matter(room):
         np.testing.assert_allclose(other.edge, known.edge, rtol=0, atol=tolerance)
 
 
-@pytest.mark.parametrize("shift", [(0.0, 0.0), (0.1, 0.0), (0.12, -0.16), (0.0, 0.3)])
+@pytest.mark.parametrize(
+    "shift",
+    [
+        (0.0, 0.0),
+        pytest.param((0.1, 0.0), marks=pytest.mark.slow),
+        (0.12, -0.16),
+        pytest.param((0.0, 0.3), marks=pytest.mark.slow),
+    ],
+)
 def test_scans_that_see_a_column_from_all_sides_are_apart_by_their_shift(shift):
     patches = segment(scanned(shift), CURVED)
     found = patch_features(patches, FeatureSettings(noise=NOISE, context=("moments",))).disagreement
